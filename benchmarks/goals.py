@@ -164,6 +164,14 @@ GOALS = (
         "ms",
         1.6,
     ),
+    Goal(
+        "startup",
+        "first message of a listener / pyzmq's",
+        f"first message of a listener, {BUS.name}",
+        f"first message of a listener, {PYZMQ.name}",
+        "ms",
+        1.6,
+    ),
 )
 
 

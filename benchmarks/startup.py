@@ -42,17 +42,19 @@ from benchmarks.systems import (
     System,
 )
 from benchmarks.versus import against, against_best
-from benchmarks.work import AT_ONCE, Work
+from benchmarks.work import AT_ONCE, TOPIC, Work
 
 NAME = "startup"
 _LIMIT_S = 20.0
 _PROGRAM = "benchmarks.adapters.first_message"
 _TALKERS = "benchmarks.adapters.talkers"
+_LISTENERS = "benchmarks.adapters.listeners"
 _CREDENTIALS = struct.Struct("3i")
 FIRST = Work(size=64, count=1, warm_up=0, rate=1.0, publish_by=AT_ONCE)
 _PASS = "python -c pass"
 _LIBRARIES = "import of the libraries"
 _LISTINGS = ("bus topic list", "bus topic list, installed")
+_HELP, _ECHO = "bus --help", "bus topic echo --once"
 _ZMQ_ASYNCIO = "first message, pyzmq, zmq.asyncio"
 _ALONE = "first message, no busd yet"
 _IMPORTS = {
@@ -101,6 +103,9 @@ _NOTES = [
     "first message: from the start of the talker's process to the message in the hands of another process, "
     "which was there before, as was the broker if there is one; each talker is the least program that its "
     "user would write, and imports nothing of the harness",
+    "first message of a listener: from the start of the listener's process to a message in its hands, of a "
+    "talker that was there before and sends one each millisecond; bus topic echo --once: beside this talker, "
+    "until the end of the process",
     "no busd yet: one process with both ends, which starts busd in the background",
     "libraries: what asyncio and the packages that busd is built on cost by themselves",
     "installed: all packages that an installation brings, without compiled Python files",
@@ -118,6 +123,9 @@ def run(plan: Plan) -> Section:
     listing = [[sys.executable, "-m", "bus_cli"], [str(script)]]
     for name, command, reason in zip(_LISTINGS, listing, ("", missing), strict=True):
         cases.append(Case(name, partial(measure_program, [*command, "topic", "list"], on_bus=True), reason))
+    tool = [sys.executable, "-m", "bus_cli"]
+    cases.append(Case(_HELP, partial(measure_program, [*tool, "--help"])))
+    cases.append(Case(_ECHO, partial(measure_beside_talker, [*tool, "topic", "echo", "--once", f"/{TOPIC}"])))
     cases.append(Case(_PYTHON_SCRIPT, partial(measure_program, [sys.executable], script="")))
     for name, code in _SCRIPTS.items():
         measure = partial(measure_program, _RUN, script=code, on_bus=name == _MAKING)
@@ -129,6 +137,9 @@ def run(plan: Plan) -> Section:
         cases.append(Case(_first(system), measure, system.missing(), system.name))
     measure = partial(measure_first_message, PYZMQ, "zeromq_asyncio")
     cases.append(Case(_ZMQ_ASYNCIO, measure, PYZMQ.missing(), "pyzmq, zmq.asyncio"))
+    for system in (BUS, BUS_SOCKET, PYZMQ):
+        measure = partial(measure_listener, system)
+        cases.append(Case(_listener(system), measure, system.missing(), system.name))
     cases.append(Case(_RCLPY_FIRST, measure_first_by_rclpy))
     cases.append(Case(_ALONE, measure_with_autostart))
     cases.append(Case(_INSTALLED, ros.busd_installed, rounds=1))
@@ -139,7 +150,7 @@ def run(plan: Plan) -> Section:
         outcomes = interleave(cases, repetitions, lambda text: plan.tell(f"startup {text}"))
     comparisons = reached(NAME, outcomes)
     for name, floor in [
-        *((name, _PASS) for name in (*_LISTINGS, _RUN_SCRIPT)),
+        *((name, _PASS) for name in (*_LISTINGS, _HELP, _ECHO, _RUN_SCRIPT)),
         (_RUN_SCRIPT, _PYTHON_SCRIPT),
         (_first(BUS), _PASS),
         (_first(BUS), _LIBRARIES),
@@ -211,6 +222,30 @@ def measure_first_message(system: System, talker: str = "") -> Figures:
     return {"ms": (at_ns - begin_ns) / 1e6}
 
 
+def measure_listener(system: System) -> Figures:
+    """The time from the start of a listener until it has a message of a running talker. Raises Failure."""
+    name = system.module.rpartition(".")[2]
+    with Group() as group:
+        system.start_servers(group)
+        command = (*system.runner, "-m", _LISTENERS, name)
+        group.expect(group.start("talker", *command, "talk"), "ready", within_s=START_S)
+        begin_ns = monotonic_ns()
+        listener = group.start("listener", *command, "listen", ends=True)
+        at_ns = int(group.expect(listener, "received", within_s=_LIMIT_S)["at_ns"])
+    return {"ms": (at_ns - begin_ns) / 1e6}
+
+
+def measure_beside_talker(command: list[str]) -> Figures:
+    """As `measure_program`, on a bus with a running talker."""
+    with Group() as group:
+        BUS_SOCKET.start_servers(group)
+        talker = group.start_python("talker", "-m", _LISTENERS, "bus_string", "talk")
+        group.expect(talker, "ready", within_s=START_S)
+        begin_ns = monotonic_ns()
+        group.wait(group.start("program", *command, ends=True), within_s=_LIMIT_S)
+        return {"ms": (monotonic_ns() - begin_ns) / 1e6}
+
+
 def measure_first_by_rclpy() -> Figures:
     """As `measure_first_message` of busd, with the talker of a ROS 2 lesson."""
     with Group() as group:
@@ -226,6 +261,10 @@ def measure_first_by_rclpy() -> Figures:
 
 def _first(system: System) -> str:
     return f"first message, {system.name}"
+
+
+def _listener(system: System) -> str:
+    return f"first message of a listener, {system.name}"
 
 
 def _write(group: Group, code: str) -> str:

@@ -34,6 +34,8 @@ def test_starts_are_measured(tmp_path: Path) -> None:
     assert startup.measure_first_by_rclpy()["ms"] > 0
     assert startup.measure_with_autostart()["ms"] > 0
     assert startup.measure_program([sys.executable, "-m", "bus_cli", "topic", "list"], on_bus=True)["ms"] > 0
+    echo = [sys.executable, "-m", "bus_cli", "topic", "echo", "--once", f"/{TOPIC}"]
+    assert startup.measure_beside_talker(echo)["ms"] > 0
     script = "import sys; sys.exit('rclpy' not in dir())"
     run = [sys.executable, "-m", "bus_cli", "run"]
     assert startup.measure_program(run, script=f"import rclpy; {script}")["ms"] > 0
@@ -54,6 +56,11 @@ def test_starts_are_measured(tmp_path: Path) -> None:
 )
 def test_the_first_message_of_each_system(system: System, talker: str) -> None:
     assert startup.measure_first_message(_or_skip(system), talker)["ms"] > 0
+
+
+@pytest.mark.parametrize("system", [BUS, BUS_SOCKET, PYZMQ], ids=lambda system: system.name)
+def test_the_first_message_of_each_listener(system: System) -> None:
+    assert startup.measure_listener(_or_skip(system))["ms"] > 0
 
 
 def test_a_talker_that_ends_with_an_error_is_a_failure() -> None:
