@@ -75,6 +75,38 @@ async def test_a_signal(tmp_path: Path, number: signal.Signals, text: str, wait:
         assert one.lines == ["up"]
 
 
+@pytest.mark.usefixtures("daemon")
+@pytest.mark.parametrize("text", [INSIDE, BEFORE], ids=["init inside", "init before"])
+@on_one_loop
+async def test_ctrl_c_while_a_task_runs(tmp_path: Path, text: str) -> None:
+    """The signal interrupts no task, so asyncio has no exception of one to report."""
+    script = tmp_path / "program.py"
+    text = text.replace("import asyncio", "import asyncio, signal")
+    script.write_text(text.format(wait="node.create_timer(0.01, lambda: signal.raise_signal(signal.SIGINT))"))
+    async with running(tmp_path, "-m", "bus_cli", "run", script) as one:
+        assert await one.end() == -signal.SIGINT, one.lines
+    assert one.lines == ["up"]
+
+
+@on_one_loop
+async def test_the_second_ctrl_c_does_not_wait(tmp_path: Path) -> None:
+    """Nothing is seen of the first one, because the task does not give way to the event loop."""
+    script = tmp_path / "program.py"
+    script.write_text(
+        "import asyncio, rclpy, signal\n"
+        "async def main():\n"
+        "    signal.raise_signal(signal.SIGINT)\n"
+        "    print('once', flush=True)\n"
+        "    signal.raise_signal(signal.SIGINT)\n"
+        "    print('twice')\n"
+        "rclpy.init()\n"
+        "asyncio.run(main())\n"
+    )
+    async with running(tmp_path, "-m", "bus_cli", "run", script) as one:
+        assert await one.end() == -signal.SIGINT, one.lines
+    assert one.lines == ["once"]
+
+
 @pytest.fixture
 def quick_switches() -> Iterator[None]:
     before = sys.getswitchinterval()

@@ -1,5 +1,6 @@
 """SIGINT and SIGTERM, as rclpy handles them: both end the contexts, and SIGINT raises KeyboardInterrupt."""
 
+import asyncio
 import signal
 import threading
 from collections.abc import Callable
@@ -46,14 +47,16 @@ class SignalHandlerGuardCondition(Handled):
 _installed = SignalHandlerOptions.NO
 _before: dict[int, Any] = {}
 _came: int | None = None
+_deferred: asyncio.Handle | None = None
+"""Raises KeyboardInterrupt between two turns of an event loop."""
 
 
 def install_signal_handlers(options: SignalHandlerOptions = SignalHandlerOptions.ALL) -> None:
     """Handle signals, for all contexts; does nothing outside of the main thread."""
-    global _installed, _came
+    global _installed, _came, _deferred
     if threading.current_thread() is not threading.main_thread():
         return
-    _came = None
+    _came = _deferred = None
     for option, number, handler in _HANDLERS:
         if options & option and number not in _before:
             _before[number] = signal.signal(number, handler)
@@ -92,10 +95,38 @@ def _on_sigint(number: int, frame: FrameType | None) -> None:
     if engine is not None:
         engine.loop.is_interrupted = False  # a pending interrupt and this one count as one
     before = _before.get(number)
-    if callable(before):
+    if callable(before) and before is not signal.default_int_handler:
         before(number, frame)
-    else:
+    elif not _interrupt_between_turns(None if engine is None else engine.loop):
         raise KeyboardInterrupt
+
+
+def _interrupt_between_turns(own_loop: asyncio.AbstractEventLoop | None) -> bool:
+    """Raise KeyboardInterrupt between two turns of the main thread's event loop; False without such a loop.
+
+    In the middle of a task, the exception would also be that task's result, and asyncio would report it once
+    more. `asyncio.run` avoids that if `rclpy.init` has not been called before. A second signal does not wait.
+    In a callback of an executor, whose loop is `own_loop`, the exception comes at once.
+    """
+    global _deferred
+    if _deferred is not None:
+        _deferred.cancel()
+        _deferred = None
+        return False
+    try:
+        loop = asyncio.get_running_loop()
+    except RuntimeError:
+        return False
+    if loop is own_loop:
+        return False
+    _deferred = loop.call_soon_threadsafe(_interrupt)
+    return True
+
+
+def _interrupt() -> None:
+    global _deferred
+    _deferred = None
+    raise KeyboardInterrupt
 
 
 def _on_sigterm(number: int, frame: FrameType | None) -> None:
