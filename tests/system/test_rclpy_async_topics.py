@@ -1,10 +1,12 @@
 """Publishers and subscriptions of an AsyncNode, by both routes and on both event loops."""
 
 import asyncio
+from pathlib import Path
 from typing import Any
 
 import pytest
 
+from bus.endpoint.endpoint import core_of
 from bus.msg.std_msgs import String as NativeString
 from bus.node import Node as NativeNode
 from bus_ros.rclpy.exceptions import InvalidHandle
@@ -17,6 +19,13 @@ from semantics import until
 __all__ = ["context", "node"]
 
 pytestmark = pytest.mark.usefixtures("route", "context")
+
+
+def rings() -> int:
+    """The number of this process's descriptors of rings."""
+    return sum(
+        "busd-ring" in str(one.readlink()) for one in Path("/proc/self/fd").iterdir() if one.is_symlink()
+    )
 
 
 class TestTopics:
@@ -51,6 +60,18 @@ class TestTopics:
             publisher.publish(String(data="d"))
             await until(lambda: "d" in got)
         assert got == ["b", "c", "d"]
+
+    async def test_a_destroyed_publisher_frees_its_memory_at_once(self, node: AsyncNode) -> None:
+        """Without a turn of the loop, and without Python's collector."""
+        publisher = node.create_publisher(String, "chatter", 10)
+        await until(lambda: publisher.state.name == "OPEN")
+        publisher.publish(String(data="x"))
+        assert publisher._native is not None
+        core = core_of(publisher._native)
+        await until(lambda: core.is_drained)
+        before, shares = rings(), core.sender.ring is not None
+        publisher.destroy()
+        assert rings() == before - shares
 
     async def test_a_message_before_the_end_of_the_block_is_published(self) -> None:
         async with NativeNode("listener", arguments=[]) as listener:

@@ -21,6 +21,7 @@ UNIT = ROOT / "tests" / "unit"
 OF_SEVERAL = {
     "bus/delivery/test_between_brokers.py",  # sender and receiver, busd away
     "bus/delivery/test_bridging.py",  # mirrors and taps, at both ends
+    "bus/delivery/test_close.py",  # endpoints that close, and their senders
     "bus/delivery/test_liveliness.py",  # matches of the receiver and events of the subscription
     "bus/delivery/test_loan.py",  # bus.loan, by both senders
     "bus/test_hostile_numbers.py",  # all numbers from other processes

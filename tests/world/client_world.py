@@ -261,7 +261,11 @@ class Client(ListPort):
         """As `Endpoint.close`, for a publisher that has handed over as much as possible."""
         if isinstance(endpoint, Publisher):
             endpoint._core.hand_over()
-        endpoint = endpoint._core
+        self.forget(endpoint._core)
+        endpoint._core.end(ConnectionClosed("closed"))
+
+    def forget(self, endpoint: Any) -> None:
+        """As `Link.forget`."""
         self._gathered.pop(endpoint, None)
         self._reports.send_last(endpoint)
         self.endpoints.pop(endpoint, None)
@@ -269,7 +273,6 @@ class Client(ListPort):
         self._asked = {number: one for number, one in self._asked.items() if one is not endpoint}
         self.send_about(endpoint, m.DestroyEndpoint(endpoint=endpoint.id))
         endpoint.id = 0
-        endpoint.end(ConnectionClosed("closed"))
 
     def connect(self) -> None:
         """Connect a client without a connection. It declares everything again."""

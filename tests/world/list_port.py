@@ -190,6 +190,7 @@ class ListPort:
     """A `bus.delivery.port.Port`."""
 
     is_shared = False
+    is_writing = False
     shm_context: ShmPort | None = None
 
     def __init__(self, clock: Clock | None = None) -> None:

@@ -189,6 +189,11 @@ class Sender:
         return self.socket.queue.count + self.socket.open_samples + len(self._from_threads.late)
 
     @property
+    def has_unsent(self) -> bool:
+        """Whether samples are neither in the ring nor sent, as far as the loop's thread knows."""
+        return bool(self._from_threads.count or self.socket.open_samples or self.socket.queue.runs)
+
+    @property
     def replaced(self) -> int:
         return self.socket.replaced
 

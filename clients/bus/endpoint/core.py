@@ -135,14 +135,18 @@ class EndpointCore(Generic[M]):
             try:
                 await self.drain()
             finally:
-                self.link.forget(self)
-                service = service_of_topic(self.topic_name)
-                what = (
-                    f"{self.kind} on '{self.topic_name}'"
-                    if service is None
-                    else f"end of service '{service}'"
-                )
-                self.end(ConnectionClosed(f"this {what} is closed"))
+                self._leave()
+
+    def close_at_once(self) -> bool:
+        """Close, if everything was handed over already; returns whether it is closed."""
+        if self.refusal is None and self.is_drained:
+            self._leave()
+        return self.refusal is not None
+
+    @property
+    def is_drained(self) -> bool:
+        """Whether `drain` has nothing to wait for."""
+        return True
 
     async def drain(self) -> None:
         """Wait until everything was handed over."""
@@ -265,6 +269,12 @@ class EndpointCore(Generic[M]):
             bytes=report.bytes + besides.bytes,
             dropped=summed(report.dropped, besides.dropped),
         )
+
+    def _leave(self) -> None:
+        self.link.forget(self)
+        service = service_of_topic(self.topic_name)
+        what = f"{self.kind} on '{self.topic_name}'" if service is None else f"end of service '{service}'"
+        self.end(ConnectionClosed(f"this {what} is closed"))
 
     def _report_match(self, change: int, node: str) -> None:
         event = MatchedChange(len(self.matches), change, self.matches.total, max(change, 0), node)

@@ -109,6 +109,10 @@ class PublisherCore(EndpointCore[M]):
         depths = [one.qos.depth for one in self.matches.values() if one.qos.history is History.KEEP_LAST]
         return 0 if self.qos.is_lossless else min(depths, default=0)
 
+    @property
+    def is_drained(self) -> bool:
+        return not (self.sender.has_unsent or self.link.is_writing)
+
     async def drain(self) -> None:
         """Before the end: hand over as much as possible in a bounded time, and log the number of lost
         messages."""

@@ -146,6 +146,9 @@ class AsyncPublisher(AsyncEntity, BasePublisher[M], Generic[M]):
             self._held.clear()
             self.hold()  # for good: `publish` finds it destroyed
 
+    def _close_at_once(self) -> bool:
+        return self._native is None or core_of(self._native).close_at_once()
+
     async def _close(self) -> None:
         if self._native is not None:
             await self._native.close()

@@ -29,7 +29,7 @@ class EntityState(Enum):
     OPEN = "open"
     """In the graph."""
     DESTROYED = "destroyed"
-    """Not usable any more. If it was open, its native endpoint is closed in the background."""
+    """Not usable any more. If it was open, its native endpoint is closed, at once or in the background."""
 
 
 class EntityEvent(Enum):
@@ -122,7 +122,7 @@ class AsyncEntity:
         self._stop()
         self._owner.forget(self)
         if before is EntityState.OPEN:
-            self._owner.run_behind(self._close())
+            self._end()
 
     # --- for subclasses
 
@@ -138,6 +138,10 @@ class AsyncEntity:
 
     def _stop(self) -> None:
         """It is destroyed: stop at once, without waiting."""
+
+    def _close_at_once(self) -> bool:
+        """Close the native endpoint, if nothing has to be waited for; returns whether it is closed."""
+        return False
 
     async def _close(self) -> None:
         """Close the native endpoint."""
@@ -155,7 +159,7 @@ class AsyncEntity:
             self.destroy()
             raise
         if self._change(EntityEvent.OPENED) is EntityState.DESTROYED:
-            self._owner.run_behind(self._close())  # the program destroyed it meanwhile
+            self._end()  # the program destroyed it meanwhile
         else:
             self._became_open()
 
@@ -163,6 +167,10 @@ class AsyncEntity:
         end, self._end_opening = self._end_opening, None
         if end is not None:
             end()
+
+    def _end(self) -> None:
+        if not self._close_at_once():
+            self._owner.run_behind(self._close())
 
     def _change(self, event: EntityEvent) -> EntityState:
         self.state = TRANSITIONS[self.state][event]
