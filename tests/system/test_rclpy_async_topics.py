@@ -191,6 +191,49 @@ class TestTopics:
         with pytest.raises(TypeError, match="Expected"):
             publisher.publish("text")  # type: ignore[arg-type]
 
+    async def test_send_takes_what_publish_takes(self, node: AsyncNode) -> None:
+        """Serialized messages, and messages of subclasses, also while a subscription is made."""
+
+        class Own(String):  # type: ignore[misc]
+            pass
+
+        got: list[str] = []
+        publisher: AsyncPublisher[Any] = node.create_publisher(String, "chatter", 10)
+        await until(lambda: publisher.state.name == "OPEN")
+        await publisher.send(String(data="1"))
+        for _ in range(2):
+            node.create_subscription(String, "chatter", lambda message: got.append(message.data), 10)
+            await publisher.send(String(data="2"))
+            await publisher.send(b"\x91\xa13")
+            await publisher.send(Own(data="4"))
+            await until(lambda: publisher._holds == 0)
+        await until(lambda: len(got) == 9)
+        assert sorted(got) == ["2"] * 3 + ["3"] * 3 + ["4"] * 3
+        for wrong in ("text", None):
+            with pytest.raises(TypeError, match="Expected"):
+                await publisher.send(wrong)
+        sending = publisher.send(String(data="5"))
+        publisher.destroy()
+        with pytest.raises(InvalidHandle, match="the publisher on '/chatter' is destroyed"):
+            await publisher.send(String(data="6"))
+        await sending  # the native publisher is closed in the background
+
+    async def test_a_publisher_class_of_the_program(self, node: AsyncNode) -> None:
+        sent: list[Any] = []
+
+        class Noting(AsyncPublisher[Any]):
+            async def send(self, msg: Any) -> None:  # type: ignore[override]
+                sent.append(msg)
+                await super().send(msg)
+
+        got: list[Any] = []
+        node.create_subscription(String, "chatter", got.append, 10)
+        publisher = node.create_publisher(String, "chatter", 10, publisher_class=Noting)
+        await until(lambda: publisher.state.name == "OPEN" and not publisher._holds)
+        await publisher.send(String(data="a"))
+        await until(lambda: got)
+        assert sent == got == [String(data="a")]
+
     async def test_a_lossless_publisher_waits_for_room(self, node: AsyncNode) -> None:
         lossless = QoSProfile(history=HistoryPolicy.KEEP_ALL, depth=0)
         publisher: AsyncPublisher[Any] = node.create_publisher(String, "chatter", lossless)

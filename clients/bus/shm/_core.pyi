@@ -91,6 +91,8 @@ class Sends:
 
     publish: Callable[[Any], Any]
     """The present quick way. True: the message is taken; False: nothing was done. May be set."""
+    slow: Callable[[Any], Coroutine[Any, Any, None]]
+    """May be set."""
     spares_turns: bool
     """After 100 messages the event loop gets a turn only if it has had none for 0.2 ms. May be set."""
 

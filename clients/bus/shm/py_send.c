@@ -64,7 +64,11 @@ static bool ends(Sending *self, bool is_taken)
 static bool begin_slowly(Sending *self)
 {
     self->state = IS_BUSY;
-    self->coroutine = PyObject_CallFunctionObjArgs(self->sends->slow, self->message, NULL);
+    PyObject *slow = Py_XNewRef(self->sends->slow); /* it may be exchanged meanwhile */
+    self->coroutine = slow == NULL ? NULL : PyObject_CallFunctionObjArgs(slow, self->message, NULL);
+    if (slow == NULL)
+        PyErr_SetString(PyExc_AttributeError, "slow");
+    Py_XDECREF(slow);
     if (self->coroutine == NULL)
         return ends(self, false);
     Py_CLEAR(self->message);
@@ -493,6 +497,7 @@ static PyMethodDef sends_methods[] = {
 
 static PyMemberDef sends_members[] = {
     {"publish", T_OBJECT_EX, offsetof(Sends, publish), 0, NULL},
+    {"slow", T_OBJECT_EX, offsetof(Sends, slow), 0, NULL},
     {"spares_turns", T_BOOL, offsetof(Sends, spares_turns), 0, NULL},
     {0},
 };

@@ -46,6 +46,8 @@ class AsyncPublisher(AsyncEntity, BasePublisher[M], Generic[M]):
         self._replaced = 0
         self._quick_publish: Callable[[Any], None] | None = None
         """Does the same as `publish` while it holds no messages."""
+        self._quick_send: Callable[[Any], Coroutine[Any, Any, None]] | None = None
+        """The same for `send`."""
 
     @property
     def topic_name(self) -> str:
@@ -74,11 +76,16 @@ class AsyncPublisher(AsyncEntity, BasePublisher[M], Generic[M]):
         `await publisher.send(message)` costs no more than `publish`. After a cancellation the message was not
         published.
         """
-        if self._holds or self._native is None or msg.__class__ is not self.msg_type:
-            return self._send(msg)
-        return self._native.send(msg)
+        return self._send(msg)
 
     async def _send(self, msg: M | bytes) -> None:
+        native = self._native
+        if not self._holds and native is not None and msg.__class__ is self.msg_type:
+            try:
+                await native._send(msg)
+            except ConnectionClosed as error:
+                raise why_closed(self, error) from None
+            return
         while not self._put(msg):
             assert self._native is not None
             await self._native.wait_for_room()
@@ -102,14 +109,19 @@ class AsyncPublisher(AsyncEntity, BasePublisher[M], Generic[M]):
     def hold(self) -> None:
         self._holds += 1
         vars(self).pop("publish", None)
+        vars(self).pop("send", None)
 
     def release(self) -> None:
         with self._lock:
             if self._holds == 1 and self._held:
                 self._publish_held()
             self._holds -= 1
-        if not self._holds and self._quick_publish is not None:
+        if self._holds:
+            return
+        if self._quick_publish is not None:
             self.publish = self._quick_publish  # type: ignore[assignment, method-assign]
+        if self._quick_send is not None:
+            self.send = self._quick_send  # type: ignore[assignment, method-assign]
 
     def ends(self) -> Iterable[End]:
         cls: Any = self.msg_type
@@ -129,10 +141,15 @@ class AsyncPublisher(AsyncEntity, BasePublisher[M], Generic[M]):
             to_native(self.qos_profile, for_publisher=True),
         )
         sends = core_of(self._native).sender.quick.sends
-        if sends is not None and type(self).publish is AsyncPublisher.publish:
-            # The fast path in one native call, without a Python frame.
+        if sends is None:
+            return
+        # The fast paths in one native call, without a Python frame.
+        if type(self).publish is AsyncPublisher.publish:
             sends.share(None, self._publish_on)
             self._quick_publish = sends.publish_shared
+        if type(self).send is AsyncPublisher.send:
+            sends.slow = self._send
+            self._quick_send = sends.send
 
     def _became_open(self) -> None:
         self.release()

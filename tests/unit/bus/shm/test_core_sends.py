@@ -472,3 +472,21 @@ async def test_nothing_leaks() -> None:
     assert after[:2] == before[:2]
     # A leak is a block in each round. The interpreter keeps about a hundred blocks; the number varies.
     assert abs(after[2] - before[2]) < rounds // 2
+
+
+async def test_another_slow_way() -> None:
+    async def first(message: str) -> None:
+        raise AssertionError(message)
+
+    taken: list[str] = []
+
+    async def second(message: str) -> None:
+        taken.append(message)
+
+    sends = core.Sends(first, print, print)
+    sends.slow = second
+    await sends.send("a")
+    assert taken == ["a"]
+    del sends.slow
+    with pytest.raises(AttributeError, match="slow"):
+        await sends.send("b")
