@@ -271,3 +271,35 @@ class TestTopics:
                 late.create_subscription(String, "map", lambda message: got.append(message.data), latched)
                 await until(lambda: got)
         assert got == ["new"]
+
+
+class TestForgottenCoroutines:
+    """A callback that is not async but returns a coroutine."""
+
+    @staticmethod
+    async def never(*arguments: object) -> None:
+        raise AssertionError
+
+    @staticmethod
+    def cause(raised: pytest.ExceptionInfo[ExceptionGroup[Exception]]) -> str:
+        (error,) = raised.value.exceptions
+        assert isinstance(error, TypeError)
+        return str(error)
+
+    async def test_of_subscriptions(self) -> None:
+        for callback in (lambda message: self.never(), lambda message, info: self.never()):
+            with pytest.raises(ExceptionGroup) as raised:
+                async with AsyncNode("tester") as node:
+                    publisher = node.create_publisher(String, "chatter", 10)
+                    node.create_subscription(String, "chatter", callback, 10)
+                    publisher.publish(String(data="hello"))
+                    await asyncio.Event().wait()
+            assert ".<lambda> (" in self.cause(raised)
+            assert " returned the coroutine TestForgottenCoroutines.never, " in self.cause(raised)
+
+    async def test_of_a_timer(self) -> None:
+        with pytest.raises(ExceptionGroup) as raised:
+            async with AsyncNode("tester") as node:
+                node.create_timer(0.001, lambda: self.never())
+                await asyncio.Event().wait()
+        assert " returned the coroutine TestForgottenCoroutines.never, " in self.cause(raised)

@@ -165,9 +165,10 @@ class AsyncSubscription(AsyncEntity, BaseSubscription[M], Generic[M]):
         if takes_info(callback):
 
             @wraps(callback)
-            def deliver_with_info(message: M, info: NativeInfo) -> None:
+            def deliver_with_info(message: M, info: NativeInfo) -> object:
                 if self._filter is None or self._filter(message):
-                    self._call(message, message_info(info))
+                    return self._call(message, message_info(info))
+                return None
 
             return deliver_with_info
 
@@ -177,9 +178,10 @@ class AsyncSubscription(AsyncEntity, BaseSubscription[M], Generic[M]):
 
     def _filtered(self, callback: Callable[..., object]) -> Callable[..., Any]:
         @wraps(callback)
-        def deliver(message: M) -> None:
+        def deliver(message: M) -> object:
             if self._filter is None or self._filter(message):
-                self._call(message)
+                return self._call(message)
+            return None
 
         return deliver
 

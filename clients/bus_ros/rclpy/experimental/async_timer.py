@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Any
 
 from bus.alarms import Alarm, Alarms
-from bus.base.callbacks import is_async, takes
+from bus.base.callbacks import is_async, refuse_coroutine, takes
 from bus.diagnostics.slow_callback import watched
 from bus_ros.rclpy.clock import BaseClock
 from bus_ros.rclpy.impl.async_entity import AsyncEntity, AsyncOwner, EntityState, current_task
@@ -97,7 +97,8 @@ class AsyncTimer(AsyncEntity, BaseTimer):
                 self._task.add_done_callback(self._called)
             return
         try:
-            self._call(*arguments)
+            if (answer := self._call(*arguments)) is not None:
+                refuse_coroutine(self._callback, answer)
         except Exception as error:
             self._owner.fail(error)
         finally:
