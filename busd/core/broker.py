@@ -3,7 +3,7 @@
     peer = broker.entrance.attach(now_ns, hello, ...)  who may come, and when: `busd.core.entrance`
     effects = broker.handle(now_ns, peer, message)     control messages (and the descriptors they bring)
     effects = broker.route(now_ns, peer, run)          samples (then `trim`, if the broker `is_overfull`)
-    way = broker.passage(now_ns, peer, endpoint)       may the shell pass on a run by itself? (`passed_on`)
+    publisher = broker.passage(now_ns, peer, endpoint) may the shell pass on a run by itself? (`passed_on`)
     effects = broker.go_on(now_ns, peer)               while a peer is in `broker.tasks.unfinished`
     effects = broker.tick(now_ns)                      when `next_deadline_ns()` has come (the hot
                                                        path reads it as `broker.timers.earliest_ns`)
@@ -30,7 +30,7 @@ from busd.core.access import Access
 from busd.core.access_guard import AccessGuard
 from busd.core.drops import Drops
 from busd.core.effects import Disconnect, Effect, Note, Send
-from busd.core.entities import Peer, Publisher, Subscription
+from busd.core.entities import Peer, Publisher
 from busd.core.entrance import Entrance
 from busd.core.graph import Graph
 from busd.core.leases import Leases
@@ -222,20 +222,19 @@ class Broker:
             return self._take_effects()
         return out
 
-    def passage(self, now_ns: int, peer_id: PeerId, endpoint: int) -> tuple[Publisher, Subscription] | None:
-        """A publisher of the peer's and the only taker of its next run, if there is nothing else to do.
+    def passage(self, now_ns: int, peer_id: PeerId, endpoint: int) -> Publisher | None:
+        """A publisher of the peer's, if its next run needs only to be sent to those for which it is `routed`.
 
-        None: the run must be given to `route`.
+        A subscription with queued samples can't get it before these. None: the run must be given to `route`.
         """
         peer = self._peers.get(peer_id)
         if peer is None or peer.is_silent or peer.lapsed or self.tasks.withheld or self.is_overfull:
             return None
         peer.last_heard_ns = now_ns
         publisher = peer.endpoints.get(EndpointId(endpoint))
-        if publisher.__class__ is not Publisher or len(publisher.routed) != 1 or publisher.does_more:
+        if publisher.__class__ is not Publisher or not publisher.routed or publisher.does_more:
             return None
-        (subscription,) = publisher.routed.values()
-        return None if subscription.queue.runs else (publisher, subscription)
+        return publisher
 
     def trim(self, now_ns: int) -> list[Effect]:
         """Bound the queues that the last run overfilled; call it after the Flush effects were carried out."""

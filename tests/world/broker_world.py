@@ -284,22 +284,29 @@ class Process:
             world.carry_out(broker.detach(world.now_ns, self.id))
 
     def _is_passed_on(self, run: Run) -> bool:
-        """Do the same as the daemon's shell with a run for one subscription without queued frames."""
+        """Do the same as the daemon's shell with a lone run for processes without queued frames."""
         world, broker = self.world, self.world.broker
         if run.only_for or run.is_replay or run.is_resumed:
             return False
-        way = broker.passage(world.now_ns, self.id, run.endpoint)
-        taker = world.processes.get(way[1].flush.peer) if way is not None else None
-        if way is None or taker is None or taker.is_blocked or taker.outbox:
+        publisher = broker.passage(world.now_ns, self.id, run.endpoint)
+        if publisher is None:
             return False
-        publisher, subscription = way
+        takers = {}
+        for subscription in publisher.routed.values():
+            taker = world.processes.get(subscription.flush.peer)
+            if taker is None or taker.is_blocked or taker.outbox or subscription.queue.runs:
+                return False
+            takers[taker] = subscription.id
+        if len(takers) != len(publisher.routed):
+            return False
         if not broker.passed_on(publisher, run.first_seq, run.count, len(run.body)):
             return False
         world.passed_on += 1
         run.source = publisher.id
-        queue = RunQueue(0, Account(1 << 40), subscription.id)
-        queue.append(run)
-        taker.hear(b"".join(queue.pop_frame()))
+        for taker, number in takers.items():
+            queue = RunQueue(0, Account(1 << 40), number)
+            queue.append(run)
+            taker.hear(b"".join(queue.pop_frame()))
         return True
 
     def die(self) -> None:

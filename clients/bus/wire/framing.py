@@ -160,6 +160,16 @@ class FrameReader:
             return None
         return endpoint, address, first_seq, number, size
 
+    def is_last(self, front: Front) -> bool:
+        """Whether the buffer has nothing behind the frame of `front`."""
+        return self._start + front[4] == self._stop
+
+    def addressed(self, front: Front, endpoint: int, source: int) -> memoryview:
+        """The frame of `front`, changed in place as by `readdress`; it stays the next frame."""
+        start = self._start
+        _pack_address(self._view, start + FRAME_HEAD_BYTES, endpoint, source)
+        return self._view[start : start + front[4]]
+
     def readdress(self, front: Front, endpoint: int, source: int) -> None:
         """Change the frame of `front`, in place, to one from `source` to `endpoint`."""
         start = self._start

@@ -196,6 +196,70 @@ async def test_what_is_sent_is_paid_for(server: Server) -> None:
     listener.sock.close()
 
 
+async def fan(server: Server, listeners: list[Peer], talker: Peer) -> tuple[Pair, list[int]]:
+    """A publisher and a subscription of each listener on a topic. Returns the subscriptions' numbers, too."""
+    numbers = [await one.make(m.CreateSubscription, "/topic", last_seqs={}) for one in listeners]
+    pair = Pair(talker, listeners[0])
+    pair.source = await talker.make(m.CreatePublisher, "/topic")
+    return pair, numbers
+
+
+async def test_a_lone_run_for_several_processes_is_sent_to_each_of_them(server: Server) -> None:
+    talker, *listeners = (Peer(server) for _ in range(4))
+    pair, numbers = await fan(server, listeners, talker)
+    bodies = [frame_record(bytes([at]) * 50, at) for at in range(5)]
+    calls = list[str]()
+    for one in listeners:
+        one.connection.stream._sock = Counted(one.connection.stream._sock, calls)  # type: ignore[assignment]
+    party = talker.connection.party
+    party.refill(time.monotonic_ns())
+    before = party.left
+    talker.sock.send(pair.frame(bodies[0]))
+    talker.connection.stream._on_readable()
+    assert calls == ["send"] * 3
+    assert before - party.left == 8 + 3 * 4
+    talker.sock.send(pair.frame(bodies[1]) + pair.frame(bodies[2]))  # not alone: by the queues
+    talker.connection.stream._on_readable()
+    assert calls == ["send"] * 6
+    talker.sock.send(pair.frame(bodies[3]) + m.encode_frame(m.Ping(number=7)))
+    talker.sock.send(pair.frame(bodies[4]))
+    for number, one in zip(numbers, listeners, strict=True):
+        for at, body in enumerate(bodies):
+            assert await one.run() == (number, pair.source, at + 1, body)
+    for peer in (talker, *listeners):
+        peer.sock.close()
+
+
+async def test_one_of_several_that_does_not_read_gets_all_in_order(server: Server) -> None:
+    talker, fast, slow = (Peer(server) for _ in range(3))
+    pair, numbers = await fan(server, [fast, slow], talker)
+    sent = 0
+    while slow.connection.stream.is_idle:
+        talker.sock.send(pair.frame(frame_record(bytes([sent]) * 30_000, sent)))
+        sent += 1
+        assert (await fast.run())[2] == sent
+    for _ in range(3):
+        talker.sock.send(pair.frame(frame_record(bytes([sent]) * 30_000, sent)))
+        sent += 1
+        assert (await fast.run())[2] == sent
+    for at in range(sent):
+        expected = (numbers[1], pair.source, at + 1, frame_record(bytes([at]) * 30_000, at))
+        assert await slow.run() == expected
+    for peer in (talker, fast, slow):
+        peer.sock.close()
+
+
+async def test_two_subscriptions_of_one_of_several_processes(server: Server) -> None:
+    talker, one, other = (Peer(server) for _ in range(3))
+    pair, numbers = await fan(server, [one, one, other], talker)
+    body = frame_record(b"x", 1)
+    talker.sock.send(pair.frame(body))
+    got = {await one.run(), await one.run(), await other.run()}
+    assert got == {(number, pair.source, 1, body) for number in numbers}
+    for peer in (talker, one, other):
+        peer.sock.close()
+
+
 async def test_one_that_has_gone_harms_nobody(server: Server) -> None:
     talker, listener, other = (Peer(server) for _ in range(3))
     pair = await Pair(talker, listener).declare("/topic")
