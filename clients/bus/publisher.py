@@ -105,6 +105,14 @@ class Publisher(Endpoint[M]):
         """Do the rest after `QuickWays.publish`, by its `status`, which is not True."""
         if isinstance(status, bytes):
             return self._put(status)
+        if status and status in (shm.native.FULL, shm.native.HELD):
+            # Everything else is right, so the message need not be encoded again to learn the same.
+            if not self._sender.make_way(status):
+                self._core.refused += 1
+                return False
+            status = self._quick.publish(message)
+            if status is True:
+                return True
         if status and status == shm.native.REPORT_DUE:
             core = self._core
             core.link.report(core)
@@ -294,6 +302,7 @@ class Publisher(Endpoint[M]):
         self._check_size(size)
         if size >= LARGE_BYTES:
             keep_freed_memory()
+            self._sender.expect_long()
         is_taken = self._sender.put(*parts)
         self._core.refused += not is_taken
         return is_taken

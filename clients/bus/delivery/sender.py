@@ -13,6 +13,7 @@ from bus import shm
 from bus.base.descriptor import Descriptor
 from bus.delivery.allowance import QUEUE_BYTES
 from bus.delivery.port import Owner, Port, Waiters
+from bus.delivery.ring_size import FOR_EVER
 from bus.delivery.shm_sender import ShmSender
 from bus.delivery.socket_sender import Sample, SocketSender, Use
 from bus.delivery.thread_queue import ThreadQueue
@@ -204,6 +205,16 @@ class Sender:
         if (ring := self.ring) is not None:  # read once: the loop's thread may end it meanwhile
             ring.writer.is_long = False
         self.socket.run.is_long = False
+
+    def expect_long(self) -> None:
+        """Allow long fields of any length in the quick way, because the process is prepared for them."""
+        if (ring := self.ring) is not None:
+            ring.writer.most_long = FOR_EVER
+
+    def make_way(self, status: int) -> bool:
+        """After the quick way's FULL or HELD: make room, if possible; returns whether to try again."""
+        ring = self.ring
+        return ring is None or ring.make_way(status) or self._room.refuse()
 
     def put(self, *parts: Buffer | str) -> bool:
         """Take a sample, given in parts, by the slow way, which checks loans, threads and room.

@@ -5,6 +5,8 @@ Owns the feeds of its matches, and their slots. The native reader takes the samp
 """
 
 from collections.abc import Callable
+from functools import partial
+from typing import Any
 
 from bus import shm
 from bus.base.descriptor import Descriptor
@@ -14,6 +16,7 @@ from bus.delivery.sequence import PublisherProxy
 from bus.qos import Durability, History, QoSProfile
 from bus.shm import segments
 from bus.transport.memory import keep_freed_memory
+from bus.types.support import TypeSupport
 from bus.vocabulary import Route
 from bus.wire import messages as m
 from bus.wire.bounds import MOST_REMEMBERED
@@ -33,7 +36,13 @@ class ShmReceiver:
     """
 
     def __init__(
-        self, port: Port, shm_context: ShmPort, owner: Owner, on_missed: Callable[[int], None]
+        self,
+        port: Port,
+        shm_context: ShmPort,
+        owner: Owner,
+        on_missed: Callable[[int], None],
+        *,
+        decodes_plainly: bool = False,
     ) -> None:
         qos = owner.qos
         self._port = port
@@ -50,6 +59,8 @@ class ShmReceiver:
         self.reader: shm.native.Reader[PublisherProxy] = shm.native.Reader(
             shm_context.readers, owner, _depth(qos), tells_cursor=self._is_lossless
         )
+        if decodes_plainly:
+            self.reader.expect_texts(partial(_text_plan, owner.support))
 
     def declared(self) -> None:
         """Note that a broker knows the subscription now."""
@@ -291,3 +302,7 @@ def _depth(qos: QoSProfile) -> int:
 def _make_ready_for(ring_bytes: int) -> None:
     if ring_bytes > _LARGE_RING_BYTES:
         keep_freed_memory()  # for the memory of decoded messages
+
+
+def _text_plan(support: TypeSupport[Any]) -> Any:
+    return support.text_plan

@@ -30,6 +30,7 @@ from bus.logger import Logger, get_logger
 from bus.qos import Durability, History, Liveliness, QoSProfile
 from bus.shm import segments
 from bus.shm.openfiles import check_room
+from bus.transport.memory import LARGE_BYTES
 from bus.types.large_fields import LONG_TEXT
 from bus.wire import messages as m
 from bus.wire.runs import Buffer
@@ -254,8 +255,10 @@ class ShmSender:
         self.writer.prepare(*support.steps)
         if support.text_fields:
             self.writer.longest = LONG_TEXT
-        # Long bytes fields must not be encoded with the rest.
-        self.can_publish = not support.bytes_fields
+        self.writer.most_long = LARGE_BYTES
+        # Long bytes fields must not be encoded with the rest. Only a plan finds them.
+        self.writer.plans_only = bool(support.bytes_fields)
+        self.can_publish = not support.bytes_fields or support.plan is not None
         self._return: Timer | None = None
         self._rest: Timer | None = None  # while it runs, laps of the first ring don't matter
         self._why_not = ""  # reason of the last failed growth
@@ -294,10 +297,8 @@ class ShmSender:
         while (status := writer.write_parts(parts, force=may_force, stamp_ns=stamp_ns)) is not True:
             if status == shm.native.REPORT_DUE:
                 break
-            if status == shm.native.HELD:
-                self._move_known()
-            elif status == shm.native.FULL:
-                if not self._make_way():
+            if status in (shm.native.HELD, shm.native.FULL):
+                if not self.make_way(status):
                     return False
             else:
                 may_force = self._make_larger(sum(map(len, parts)), status)
@@ -311,10 +312,8 @@ class ShmSender:
             place = self.writer.lend(size, force=may_force)
             if isinstance(place, memoryview):
                 return place
-            if place == shm.native.HELD:
-                self._move_known()
-            elif place == shm.native.FULL:
-                if not self._make_way():
+            if place in (shm.native.HELD, shm.native.FULL):
+                if not self.make_way(place):
                     return None
             else:
                 may_force = self._make_larger(size, place)
@@ -325,6 +324,13 @@ class ShmSender:
         if status == shm.native.TOO_LARGE:
             raise self._too_large(len(self.writer.lent()))
         self._written(status)
+
+    def make_way(self, status: int) -> bool:
+        """After FULL or HELD: make room, if possible. Returns whether to try again now."""
+        if status == shm.native.HELD:
+            self._move_known()
+            return True
+        return self._make_way()
 
     def _make_larger(self, size: int, status: int) -> bool:
         """Grow for a message of `size` bytes; returns whether depth must be given up instead."""

@@ -128,7 +128,7 @@ class SubscriptionCore(EndpointCore[M]):
         """Called with a publisher's gid if its process ended, or was disconnected, without leaving."""
         self.rings: ShmReceiver | None = None
         if link.shm_context is not None and self._role != "mirror":
-            self.rings = ShmReceiver(link, link.shm_context, self, self._miss)
+            self.rings = ShmReceiver(link, link.shm_context, self, self._miss, decodes_plainly=decode is None)
             self.receiver.reader = self.rings.reader
             self.receiver.on_report_due = partial(link.report, self)
             if busy_poll:

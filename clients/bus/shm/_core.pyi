@@ -139,6 +139,11 @@ class Writer:
     is_long: bool
     """`publish` took a message longer than `longest`: it takes no more until this is set to False."""
     longest: int
+    most_long: int
+    """Longest field that `publish` takes from 64 KiB on, without an encoding of the whole; 0 at first. It
+    returns False for a longer one. May be set."""
+    plans_only: bool
+    """`publish` takes only messages that agree with the plan. May be set."""
     is_lent: bool
     """True from `lend` to `publish_lent`: `publish` takes nothing. May be set to False to end the loan."""
 
@@ -323,6 +328,12 @@ class Reader(Generic[S]):
         continue.
 
         Nothing happens if it is not attached.
+        """
+    def expect_texts(self, find: Callable[[], Plan | None], /) -> None:
+        """Copy a long ASCII text, from 16 KiB on, without `decode`, which gets an empty text instead of it.
+
+        `find` is called once, at the first long payload. Only a message of its plan that begins with such a
+        text is decoded in this way.
         """
     def next_seq(self, source: S) -> int:
         """The number of the sample to take next; 0 if `source` is not attached."""

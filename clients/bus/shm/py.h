@@ -8,7 +8,8 @@
  * Files; each calls only earlier ones:
  * - py_core.c: helpers of all others
  * - py_segment.c: Mapping, with View and Loan, the owners of memoryviews into records
- * - py_plan.c: Plan
+ * - py_plan.c: Plan; py_plan.h: its parts
+ * - py_unplan.c: decoding by a Plan
  * - py_gates.c: the gates of a Writer
  * - py_feed.c: the feeds of Readers
  * - py_take.c: taking from them
@@ -111,6 +112,8 @@ typedef struct {
     char is_lent; /* the holder of the loan fills the place at head: nothing else may be published */
     uint32_t lent;             /* size requested by the last lend */
     uint64_t most;             /* largest payload that busd allows */
+    uint64_t most_long;        /* largest long field that writer_publish() writes; above it, the slow way comes first */
+    char plans_only;           /* writer_publish() takes only what agrees with the plan */
     uint64_t longest;          /* largest encoding for writer_publish(); after a longer one, `is_long` turns it off */
     uint64_t samples, bytes, rung;
     uint64_t stamp_ns; /* of the newest record: stamps never decrease, so a search by time works */
@@ -194,6 +197,8 @@ struct Reader {
     uint64_t bound; /* of waiting samples: the depth, plus the history of late joins until nothing waits; 0: none */
     bool tells_cursor;
     char takes_held;           /* takes held samples, too */
+    PyObject *find_texts;      /* called at the first long payload, for `texts` */
+    Plan *texts;               /* of messages that begin with a text; NULL: `decode` alone decodes */
     uint64_t samples, bytes, expired, undecodable;
     struct ages ages;
     uint64_t replaced, overrun, passed; /* of feeds that were left; passed: all samples that they stepped over */
@@ -254,6 +259,22 @@ Py_ssize_t plan_encode(const Plan *self, PyObject *message, void *at, Py_ssize_t
 Py_ssize_t plan_encode_around(const Plan *self, PyObject *message, Py_ssize_t index, uint64_t size, void *bytes,
                               Py_ssize_t room, Py_ssize_t *gap);
 
+/* A long field of a message: its value as bytes, and their place in the encoding of the rest. */
+struct plan_long {
+    PyObject *value; /* an owned reference, which keeps the bytes */
+    const void *bytes;
+    uint64_t size;
+    Py_ssize_t gap;
+};
+
+/* From this size on, a text or bytes field is long: not copied into the encoding and from there to its place, but at
+ * once to its place. Its head then has the same bytes as msgspec's. */
+enum { LONG_PART = 64 << 10 };
+
+/* Like plan_encode_around(), for the first long field of the message; sets *found, except found->value after a
+ * failure. PLAN_NONE also if no field is long. */
+Py_ssize_t plan_encode_long(const Plan *self, PyObject *message, void *bytes, Py_ssize_t room, struct plan_long *found);
+
 /* Fills an encoder from the arguments (kind, is_valid, encode, plan or None) of a method of `owner`. False: an error is
  * set. */
 bool encoder_prepare(struct encoder *self, PyObject *owner, PyObject *args);
@@ -262,6 +283,18 @@ void encoder_drop(struct encoder *self);
 /* The long way: the message's encoding. NULL: it may be invalid, or can't be encoded; the caller finds the reason,
  * unless an error is set. */
 PyObject *encoder_encode(const struct encoder *self, PyObject *message);
+
+/* py_unplan.c */
+
+/* Payloads from this size on may begin with a long text; for shorter ones the second pass costs more than it saves. */
+enum { LONG_TEXT = 16 << 10 };
+
+/* Whether the first field of the plan's class is a text. */
+bool plan_begins_with_text(const Plan *self);
+
+/* The message of a payload that begins with a long ASCII text; `decode` decodes the rest. NULL without an error: it does
+ * not, so call `decode` with all of it. */
+PyObject *plan_decode_text(const Plan *self, PyObject *decode, PyObject *payload);
 
 /* py_segment.c */
 PyObject *view_new(CoreState *state, Mapping *ring, Mapping *readers, struct reader_slot *slot, unsigned pin,

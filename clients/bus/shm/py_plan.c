@@ -3,47 +3,18 @@
  * A plan is for classes of text, bytes, numbers, bool, such classes again, and lists of all these. If a value differs
  * from the plan, the plan gives up, and the caller goes the long way, which finds the fault. Examples: another
  * type, a number out of range, a lone surrogate, a deleted field. Fields are read from their slots, as msgspec's
- * encoder does; no Python code runs.
- *
- * A plan also decodes, straight into the slots, classes that stand for others and that msgspec does not know. */
-#include "py.h"
+ * encoder does; no Python code runs. py_unplan.c decodes by a plan.
+ */
+#include "py_plan.h"
 
 #include <endian.h>
 #include <string.h>
-
-/* Most bytes in the head of a number, a text or an array; a number consists only of its head. */
-enum { MOST_HEAD = 9 };
-
-struct plan_value {
-    int code;
-    int64_t least; /* AS_INT: its value; AS_LIST and AS_BYTES: its length */
-    uint64_t most;
-    Plan *plan;              /* AS_STRUCT */
-    struct plan_value *item; /* AS_LIST: the plan of each item */
-};
-
-struct plan_field {
-    PyObject *slot; /* its member descriptor */
-    descrgetfunc get;
-    descrsetfunc set;
-    PyObject *key; /* bytes that come before the value: its encoded name in a map, nothing in an array */
-    struct plan_value value;
-};
-
-struct Plan {
-    PyObject_HEAD
-    PyObject *kind;
-    bool is_array;
-    Py_ssize_t count;
-    struct plan_field *fields;
-    PyObject *decode_slowly; /* NULL: it does not decode */
-};
 
 /* The place of the next byte of an encoding. */
 struct place {
     unsigned char *at, *end;
     bool is_full;
-    const struct plan_field *left_out; /* a bytes field of which only the head is written; NULL: none */
+    const struct plan_field *left_out; /* a field of which only the head is written; NULL: none */
     uint64_t left_bytes;               /* size of that field */
     unsigned char *gap;                /* place of its bytes */
 };
@@ -119,21 +90,26 @@ static bool put_int(struct place *place, PyObject *value, int64_t least, uint64_
     return true;
 }
 
+static bool put_text_head(struct place *place, uint64_t size)
+{
+    if (size < 32)
+        *place->at++ = (unsigned char)(0xa0 | size);
+    else if (size <= UINT8_MAX)
+        put_number(place, 0xd9, size, 1);
+    else if (size <= UINT16_MAX)
+        put_number(place, 0xda, size, 2);
+    else if (size <= UINT32_MAX)
+        put_number(place, 0xdb, size, 4);
+    else
+        return false;
+    return true;
+}
+
 static bool put_text(struct place *place, PyObject *text)
 {
     Py_ssize_t size;
     const char *bytes = PyUnicode_AsUTF8AndSize(text, &size);
-    if (bytes == NULL || !has_room(place, MOST_HEAD + size))
-        return false;
-    if (size < 32)
-        *place->at++ = (unsigned char)(0xa0 | size);
-    else if (size <= UINT8_MAX)
-        put_number(place, 0xd9, (uint64_t)size, 1);
-    else if (size <= UINT16_MAX)
-        put_number(place, 0xda, (uint64_t)size, 2);
-    else if ((uint64_t)size <= UINT32_MAX)
-        put_number(place, 0xdb, (uint64_t)size, 4);
-    else
+    if (bytes == NULL || !has_room(place, MOST_HEAD + size) || !put_text_head(place, (uint64_t)size))
         return false;
     memcpy(place->at, bytes, (size_t)size);
     place->at += size;
@@ -235,7 +211,10 @@ static bool put_struct(const Plan *self, PyObject *message, struct place *place)
         if (field == place->left_out) {
             if (!has_room(place, MOST_HEAD))
                 return false;
-            put_number(place, 0xc6, place->left_bytes, 4);
+            if (field->value.code == AS_BYTES)
+                put_number(place, 0xc6, place->left_bytes, 4);
+            else if (!put_text_head(place, place->left_bytes))
+                return false;
             place->gap = place->at;
             continue;
         }
@@ -259,17 +238,12 @@ Py_ssize_t plan_encode(const Plan *self, PyObject *message, void *at, Py_ssize_t
     return place.is_full ? PLAN_SHORT : PLAN_NONE;
 }
 
-Py_ssize_t plan_encode_around(const Plan *self, PyObject *message, Py_ssize_t index, uint64_t size, void *bytes,
-                              Py_ssize_t room, Py_ssize_t *gap)
+/* Encodes all but the field `left_out`, of which it writes the head only. */
+static Py_ssize_t encode_around(const Plan *self, PyObject *message, const struct plan_field *left_out, uint64_t size,
+                                unsigned char *at, Py_ssize_t room, Py_ssize_t *gap)
 {
     enum { LONGER = 2 };
-    unsigned char *at = bytes;
-    if (index < 0 || index >= self->count || size > UINT32_MAX)
-        return PLAN_NONE;
-    const struct plan_field *field = &self->fields[index];
-    if (field->value.code != AS_BYTES || (int64_t)size < field->value.least || size > field->value.most)
-        return PLAN_NONE;
-    struct place place = {.at = at, .end = at + room - LONGER, .left_out = field, .left_bytes = size};
+    struct place place = {.at = at, .end = at + room - LONGER, .left_out = left_out, .left_bytes = size};
     if (!put_struct(self, message, &place)) {
         PyErr_Clear();
         return PLAN_NONE;
@@ -287,128 +261,55 @@ Py_ssize_t plan_encode_around(const Plan *self, PyObject *message, Py_ssize_t in
     return length;
 }
 
-/* Decoding. NULL without an error: the payload differs from the plan. */
-
-struct source {
-    const unsigned char *at, *end;
-};
-
-static inline bool has_left(const struct source *from, uint64_t size) { return (uint64_t)(from->end - from->at) >= size; }
-
-/* Reads the number of `size` bytes behind a head. The caller has checked that the bytes exist. */
-static inline uint64_t get_number(struct source *from, int size)
+Py_ssize_t plan_encode_around(const Plan *self, PyObject *message, Py_ssize_t index, uint64_t size, void *bytes,
+                              Py_ssize_t room, Py_ssize_t *gap)
 {
-    uint64_t number = 0;
-    for (int i = 1; i <= size; i++)
-        number = number << 8 | from->at[i];
-    from->at += 1 + size;
-    return number;
+    if (index < 0 || index >= self->count || size > UINT32_MAX)
+        return PLAN_NONE;
+    const struct plan_field *field = &self->fields[index];
+    if (field->value.code != AS_BYTES || (int64_t)size < field->value.least || size > field->value.most)
+        return PLAN_NONE;
+    return encode_around(self, message, field, size, bytes, room, gap);
 }
 
-static PyObject *get_text(struct source *from)
+/* Finds the first field with a long text or long bytes, of a length that the plan allows. NULL: there is none, and an
+ * error may be set. */
+static const struct plan_field *find_long(const Plan *self, PyObject *message, struct plan_long *found)
 {
-    const unsigned char head = *from->at;
-    uint64_t size;
-    if (head >= 0xa0 && head <= 0xbf) {
-        size = head & 0x1f;
-        from->at++;
-    } else if (head >= 0xd9 && head <= 0xdb && has_left(from, 1 + (UINT64_C(1) << (head - 0xd9)))) {
-        size = get_number(from, 1 << (head - 0xd9));
-    } else {
-        return NULL;
-    }
-    if (!has_left(from, size))
-        return NULL;
-    PyObject *text = PyUnicode_DecodeUTF8((const char *)from->at, (Py_ssize_t)size, NULL);
-    from->at += size;
-    return text;
-}
-
-static PyObject *get_int(struct source *from, int64_t least, uint64_t most)
-{
-    const unsigned char head = *from->at;
-    uint64_t whole;
-    if (head < 0x80) {
-        whole = head;
-        from->at++;
-    } else if (head >= 0xe0) {
-        whole = (uint64_t)(int64_t)(int8_t)head;
-        from->at++;
-    } else if (head >= 0xcc && head <= 0xd3) {
-        const int size = 1 << (head & 3);
-        if (!has_left(from, 1 + (uint64_t)size))
-            return NULL;
-        whole = get_number(from, size);
-        if (head >= 0xd0 && size < 8 && whole >> (8 * size - 1) != 0)
-            whole |= UINT64_MAX << (8 * size); /* its sign */
-    } else {
-        return NULL;
-    }
-    const bool is_negative = (head >= 0xd0) && (int64_t)whole < 0;
-    if (is_negative)
-        return (int64_t)whole < least ? NULL : PyLong_FromLongLong((int64_t)whole);
-    return whole > most || (least > 0 && whole < (uint64_t)least) ? NULL : PyLong_FromUnsignedLongLong(whole);
-}
-
-static PyObject *get_double(struct source *from)
-{
-    if (*from->at != 0xcb || !has_left(from, MOST_HEAD))
-        return NULL;
-    const uint64_t bits = get_number(from, 8);
-    double number;
-    memcpy(&number, &bits, sizeof number);
-    return PyFloat_FromDouble(number);
-}
-
-static PyObject *get_struct(const Plan *self, struct source *from);
-
-static PyObject *get_value(const struct plan_value *plan, struct source *from)
-{
-    if (!has_left(from, 1))
-        return NULL;
-    switch (plan->code) {
-    case AS_TEXT:
-        return get_text(from);
-    case AS_FLOAT:
-        return get_double(from);
-    case AS_BOOL:
-        return *from->at == 0xc2 || *from->at == 0xc3 ? PyBool_FromLong(*from->at++ == 0xc3) : NULL;
-    case AS_INT:
-        return get_int(from, plan->least, plan->most);
-    case AS_STRUCT:
-        return get_struct(plan->plan, from);
-    default:
-        return NULL;
-    }
-}
-
-static PyObject *get_struct(const Plan *self, struct source *from)
-{
-    if (!self->is_array || !has_left(from, 1))
-        return NULL;
-    if (self->count < 16 && *from->at == (0x90 | self->count))
-        from->at++;
-    else if (*from->at != 0xdc || !has_left(from, 3) || get_number(from, 2) != (uint64_t)self->count)
-        return NULL;
-    PyTypeObject *kind = (PyTypeObject *)self->kind;
-    PyObject *message = ((allocfunc)PyType_GetSlot(kind, Py_tp_alloc))(kind, 0);
-    for (Py_ssize_t i = 0; message != NULL && i < self->count; i++) {
+    for (Py_ssize_t i = 0; i < self->count; i++) {
         const struct plan_field *field = &self->fields[i];
-        PyObject *value = get_value(&field->value, from);
-        if (value == NULL || field->set(field->slot, message, value) < 0)
-            Py_CLEAR(message);
-        Py_XDECREF(value);
+        if (field->value.code != AS_TEXT && field->value.code != AS_BYTES)
+            continue;
+        PyObject *value = field->get(field->slot, message, self->kind);
+        if (value == NULL)
+            return NULL;
+        Py_ssize_t size = -1;
+        if (field->value.code == AS_TEXT && PyUnicode_CheckExact(value)) {
+            found->bytes = PyUnicode_AsUTF8AndSize(value, &size);
+        } else if (field->value.code == AS_BYTES && PyBytes_CheckExact(value)) {
+            found->bytes = PyBytes_AsString(value);
+            size = (uint64_t)PyBytes_Size(value) <= field->value.most ? PyBytes_Size(value) : -1;
+        }
+        if (size >= LONG_PART && size >= field->value.least && (uint64_t)size <= UINT32_MAX) {
+            found->value = value;
+            found->size = (uint64_t)size;
+            return field;
+        }
+        Py_DECREF(value); /* the slot has it still */
+        if (PyErr_Occurred())
+            return NULL; /* a lone surrogate */
     }
-    return message;
+    return NULL;
 }
 
-static PyObject *plan_decode(const Plan *self, const void *bytes, Py_ssize_t size)
+Py_ssize_t plan_encode_long(const Plan *self, PyObject *message, void *bytes, Py_ssize_t room, struct plan_long *found)
 {
-    struct source from = {.at = bytes, .end = (const unsigned char *)bytes + size};
-    PyObject *message = get_struct(self, &from);
-    if (message != NULL && from.at != from.end)
-        Py_CLEAR(message);
-    return message;
+    const struct plan_field *field = (PyObject *)Py_TYPE(message) == self->kind ? find_long(self, message, found) : NULL;
+    Py_ssize_t length = PLAN_NONE;
+    if (field != NULL && (length = encode_around(self, message, field, found->size, bytes, room, &found->gap)) < 0)
+        Py_DECREF(found->value);
+    PyErr_Clear();
+    return length;
 }
 
 /* Types */

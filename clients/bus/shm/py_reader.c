@@ -51,6 +51,7 @@ static int reader_clear(PyObject *object)
     Py_CLEAR(self->owner);
     Py_CLEAR(self->rejected);
     Py_CLEAR(self->left);
+    Py_CLEAR(self->find_texts);
     forget_callback(self);
     return 0;
 }
@@ -62,6 +63,7 @@ static int reader_traverse(PyObject *object, visitproc visit, void *arg)
     Py_VISIT(self->owner);
     Py_VISIT(self->rejected);
     Py_VISIT(self->left);
+    Py_VISIT(self->find_texts);
     Py_VISIT(self->prepared.callback);
     Py_VISIT(self->prepared.decode);
     Py_VISIT(self->prepared.on_error);
@@ -79,6 +81,7 @@ static void reader_dealloc(PyObject *object)
     PyObject_GC_UnTrack(object);
     reader_clear(object);
     PyMem_Free(self->feeds);
+    DROP(self->texts);
     DROP(self->readers);
     core_free(self);
 }
@@ -382,12 +385,22 @@ static PyObject *reader_forget_callback(PyObject *object, PyObject *Py_UNUSED(no
     Py_RETURN_NONE;
 }
 
+static PyObject *reader_expect_texts(PyObject *object, PyObject *find)
+{
+    Reader *self = (Reader *)object;
+    PyObject *before = self->find_texts;
+    self->find_texts = Py_NewRef(find);
+    Py_XDECREF(before);
+    Py_RETURN_NONE;
+}
+
 static PyMethodDef methods[] = {
     {"attach", (PyCFunction)(void (*)(void))reader_attach, KEYWORDS, NULL},
     {"extend", (PyCFunction)(void (*)(void))reader_extend, KEYWORDS, NULL},
     {"finish", reader_finish, METH_O, NULL},
     {"detach", reader_detach, METH_O, NULL},
     {"hold", reader_hold, METH_VARARGS, NULL},
+    {"expect_texts", reader_expect_texts, METH_O, NULL},
     {"next_seq", reader_next_seq, METH_O, NULL},
     {"waiting", reader_waiting, METH_NOARGS, NULL},
     {"prepare", (PyCFunction)(void (*)(void))reader_prepare, KEYWORDS, NULL},

@@ -142,6 +142,37 @@ void ages_note(struct ages *ages, uint64_t stamp_ns, uint64_t now_ns)
         ages->most_ns = age_ns;
 }
 
+/* Finds the plan of messages that may begin with a text, once. False: an error is set. */
+static bool find_texts(Reader *self)
+{
+    PyObject *find = self->find_texts;
+    if (find == NULL)
+        return true;
+    self->find_texts = NULL; /* first, because the call may run any code */
+    PyObject *plan = PyObject_CallNoArgs(find);
+    Py_DECREF(find);
+    if (plan != NULL && self->texts == NULL && Py_TYPE(plan) == core_state((PyObject *)self->readers)->plan
+        && plan_begins_with_text((Plan *)plan))
+        self->texts = (Plan *)Py_NewRef(plan);
+    Py_XDECREF(plan);
+    return plan != NULL;
+}
+
+/* Decodes a long payload, which may begin with a text. */
+static PyObject *decode_long(Reader *self, PyObject *decode, PyObject *payload)
+{
+    PyObject *message = NULL;
+    if (!find_texts(self))
+        return NULL;
+    Plan *texts = self->texts;
+    if (texts != NULL) {
+        HOLD(texts); /* `decode` may run any code */
+        message = plan_decode_text(texts, decode, payload);
+        DROP(texts);
+    }
+    return message != NULL || PyErr_Occurred() ? message : PyObject_CallFunctionObjArgs(decode, payload, NULL);
+}
+
 /* Takes the head of the feed, and decodes it. 1: *item is a new reference; 0: it is lost, and counted; -1: an error. */
 static int take_one(Reader *self, struct feed *feed, PyObject *decode, uint64_t now_ns, bool has_origin, PyObject **item)
 {
@@ -159,7 +190,8 @@ static int take_one(Reader *self, struct feed *feed, PyObject *decode, uint64_t 
     PyObject *payload = fetch(self, feed, &source_ns);
     int taken = payload == NULL && PyErr_Occurred() ? -1 : 0;
     if (payload != NULL) {
-        *item = PyObject_CallFunctionObjArgs(decode, payload, NULL);
+        *item = record.size >= LONG_TEXT ? decode_long(self, decode, payload)
+                                         : PyObject_CallFunctionObjArgs(decode, payload, NULL);
         Py_DECREF(payload);
         if (*item == NULL) {
             taken = reject(self, record.size);

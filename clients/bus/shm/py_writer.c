@@ -126,6 +126,42 @@ static PyObject *writer_prepare(PyObject *object, PyObject *args)
     return encoder_prepare(&((Writer *)object)->encoder, object, args) ? Py_NewRef(Py_None) : NULL;
 }
 
+/* Writes the long field between the `around` bytes of the rest. */
+static PyObject *put_long(Writer *self, const unsigned char *bytes, uint64_t around, const struct plan_long *field)
+{
+    const uint64_t gap = (uint64_t)field->gap, whole = around + field->size;
+    PyObject *outcome;
+    unsigned char *place;
+    if (field->size > self->most_long)
+        Py_RETURN_FALSE;
+    if (!writer_is_open(self, &outcome))
+        return outcome;
+    if (whole > self->most)
+        return PyLong_FromLong(TOO_LARGE);
+    const enum ring_status status = ring_reserve(&self->ring, whole, false, (void **)&place);
+    if (status != RING_OK)
+        return refused_for_now(self, status);
+    copy_to_shared(place, bytes, gap);
+    copy_to_shared(place + gap, field->bytes, field->size);
+    copy_to_shared(place + gap + field->size, bytes + gap, around - gap);
+    ring_publish(&self->ring, (uint32_t)whole, writer_next_stamp(self, core_now_ns()), 0);
+    return published(self, whole);
+}
+
+/* Publishes a message with a long field, which is copied once, from where it lies straight to its place. The same in
+ * steps costs 50 us more, most of it for Python code, and at 64 KiB a copy. NULL without an error: nothing was done. */
+static PyObject *publish_long(Writer *self, PyObject *message)
+{
+    unsigned char bytes[PLAN_BYTES];
+    struct plan_long field;
+    const Py_ssize_t around = plan_encode_long(self->encoder.plan, message, bytes, sizeof bytes, &field);
+    if (around < 0)
+        return NULL;
+    PyObject *outcome = put_long(self, bytes, (uint64_t)around, &field);
+    Py_DECREF(field.value);
+    return outcome;
+}
+
 /* The quick way of a publish: check, encode, write. False: nothing was done; the caller goes step by step, and gets an
  * error of the encoder again. */
 static PyObject *writer_publish(PyObject *object, PyObject *message)
@@ -140,7 +176,12 @@ static PyObject *writer_publish(PyObject *object, PyObject *message)
         const Py_ssize_t size = plan_encode(encoder->plan, message, bytes, sizeof bytes);
         if (size >= 0)
             return writer_is_open(self, &outcome) ? put(self, bytes, size) : outcome;
+        outcome = size == PLAN_SHORT ? publish_long(self, message) : NULL;
+        if (outcome != NULL || PyErr_Occurred())
+            return outcome;
     }
+    if (self->plans_only)
+        Py_RETURN_FALSE;
     PyObject *payload = encoder_encode(encoder, message);
     if (payload == NULL)
         return PyErr_Occurred() ? NULL : PyBool_FromLong(0);
@@ -544,6 +585,8 @@ static PyMemberDef members[] = {
     {"is_long", T_BOOL, offsetof(Writer, is_long), 0, NULL},
     {"is_lent", T_BOOL, offsetof(Writer, is_lent), 0, NULL},
     {"longest", T_ULONGLONG, offsetof(Writer, longest), 0, NULL},
+    {"most_long", T_ULONGLONG, offsetof(Writer, most_long), 0, NULL},
+    {"plans_only", T_BOOL, offsetof(Writer, plans_only), 0, NULL},
     {0},
 };
 

@@ -102,6 +102,14 @@ class TypeSupport(Generic[M]):
         """The plan of the native core to check and encode messages (`_core.Plan`); or None."""
         return plan(self.cls)
 
+    @property
+    def text_plan(self) -> Any:
+        """The plan for `Reader.expect_texts`; or None.
+
+        Without one if the class has code for a complete message: it would see an empty text.
+        """
+        return None if hasattr(self.cls, "__post_init__") else self.plan
+
     @cached_property
     def schema(self) -> Schema:
         """The decoded `description`."""
