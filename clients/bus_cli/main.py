@@ -23,6 +23,7 @@ from functools import cache
 from importlib import import_module
 from typing import Any, NoReturn
 
+from bus.base.loading import loading
 from bus.base.version import RELEASE
 from bus.errors import BusError
 from bus.process.termination import Terminated, die_now
@@ -407,7 +408,8 @@ def _list_verbs() -> str:
 
 
 def _fill(parser: ArgumentParser, module: str) -> None:
-    verb: Any = import_module(module)
+    with loading():
+        verb: Any = import_module(module)
     verb.add_arguments(parser)
     _add_common_options(parser, SUPPRESS)
     parser.set_defaults(main=verb.main, parser=parser)

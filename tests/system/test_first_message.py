@@ -141,6 +141,15 @@ def test_a_listener_imports_only_what_it_uses() -> None:
     assert modules >= _RECEIVING
 
 
+def test_a_verb_of_bus_loads_none_of_them_either() -> None:
+    modules = _modules(
+        "import sys; sys.path[:] = {path!r}; from bus_cli.main import make_parser; "
+        "make_parser(['topic', 'echo', '/topic']); print(*sys.modules)"
+    )
+    assert modules >= {"asyncio", "bus.subscription", "ssl", "inspect"}  # the last two are lazy
+    assert not modules & {"_ssl", "ast", "base64", "dis", "yaml"}
+
+
 @pytest.mark.usefixtures("daemon")
 def test_a_talker_of_rclpy_imports_only_what_it_uses() -> None:
     modules = _modules(_RCLPY_TALKER)

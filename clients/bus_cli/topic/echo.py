@@ -13,7 +13,6 @@ from bus.subscription import MessageInfo
 from bus.types.support import type_support
 from bus_cli.completion import completed_by, topics, types
 from bus_cli.fields import FieldPath
-from bus_cli.filter import compile_filter
 from bus_cli.output import CommandError, complain, dropped_text, print_json, say
 from bus_cli.qosargs import add_qos_arguments, choose_profile
 from bus_cli.render import TooManyValuesError, to_csv, to_text, to_yaml
@@ -79,7 +78,11 @@ def main(args: Namespace) -> int:
 
 
 async def _echo(args: Namespace) -> int:
-    passes = compile_filter(args.filter) if args.filter else None
+    passes = None
+    if args.filter:
+        from bus_cli.filter import compile_filter  # imports Python's parser
+
+        passes = compile_filter(args.filter)
     async with open_node(args, args.node_name) as node:
         topic = node.resolve_topic_name(args.topic_name)
         graph = await node.graph()

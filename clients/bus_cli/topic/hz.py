@@ -9,7 +9,6 @@ from typing import Any
 from bus.node import Node
 from bus.subscription import MessageInfo, Subscription
 from bus_cli.completion import completed_by, topics
-from bus_cli.filter import compile_filter
 from bus_cli.output import dropped_text, print_json, say, table
 from bus_cli.qosargs import add_qos_arguments, given_profile
 from bus_cli.stats import Flow, Intervals, Spread
@@ -42,7 +41,11 @@ def main(args: Namespace) -> int:
 
 
 async def _measure(args: Namespace) -> int:
-    passes = compile_filter(args.filter) if args.filter else None
+    passes = None
+    if args.filter:
+        from bus_cli.filter import compile_filter  # imports Python's parser
+
+        passes = compile_filter(args.filter)
     async with open_node(args) as node:
         meters = [
             _Meter(node, node.resolve_topic_name(name), args) for name in dict.fromkeys(args.topic_name)
