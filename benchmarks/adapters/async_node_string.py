@@ -92,7 +92,9 @@ async def _publish_by_timer(node: Any, pub: Any, work: Work) -> None:
 async def _flood(pub: Any, text: str, count: int) -> None:
     send = pub.send  # it waits for room, and `publish` has no result
     for _ in range(count):
-        await send(_filled(text))
+        message = String()  # as `_filled`, without a call that the program of the asyncio API does not have
+        message.data = text
+        await send(message)
 
 
 async def _flood_to_the_last(parent: Parent, pub: Any, work: Work) -> None:
