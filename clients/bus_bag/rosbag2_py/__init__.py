@@ -5,8 +5,9 @@
     `_writer.py`    SequentialWriter, on `bus_bag.storage.writer`
     `_info.py`      Info
 
-Invariants: names, arguments and results are the same as in ROS 2's package. Messages that are read are CDR.
-All errors are RuntimeError, as they are there. No other package of bags knows rclpy (times, QoS).
+Invariants: names, arguments and results are the same as in ROS 2's package (rosbag2_py of rosbag2).
+Messages that are read are CDR. All errors are RuntimeError, as they are there. No other package of bags
+knows rclpy (times, QoS).
 
 Read first: `_reader.py`. Tests: `tests/unit/bus_bag/rosbag2_py/`.
 """

@@ -233,7 +233,7 @@ class InteractiveMarkerServer:
         return response
 
     def doSetPose(self, update: UpdateContext | None, name: str, pose: Any, header: Any) -> None:
-        """Note a new pose, without the lock."""
+        """Note a new pose. The caller holds the lock."""
         if update is None:
             update = self.pending_updates[name] = UpdateContext(UpdateContext.POSE_UPDATE)
         elif update.update_type != UpdateContext.FULL_UPDATE:

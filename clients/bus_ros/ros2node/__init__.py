@@ -1,6 +1,7 @@
 """`ros2node` on the bus: `ros2node.api`, functions about nodes for programs that import them.
 
-They work with any node: one of `rclpy`, or of `ros2cli.node`. Names, results and errors are ROS 2's.
+They work with any node: one of `rclpy`, or of `ros2cli.node`. Names, results and errors are
+those of the same module in ros2cli (Jazzy).
 
 Read first: `api.py`. Tests: `tests/unit/bus_ros/ros2node/`, `tests/system/test_ros2_tools.py`.
 """

@@ -63,12 +63,12 @@ def parse_node_name(node_name: str) -> NodeName:
 
 
 def has_duplicates(values: Sequence[Any]) -> bool:
-    """Whether a value is there twice."""
+    """Whether a value occurs more than once."""
     return len(set(values)) < len(values)
 
 
 def get_node_names(*, node: Node, include_hidden_nodes: bool = False) -> list[NodeName]:
-    """All nodes; without hidden ones, with a name that begins with `_`."""
+    """All nodes. Unless included, hidden nodes (names that begin with `_`) are left out."""
     return [
         NodeName(name, namespace, f"{namespace.rstrip('/')}/{name}")
         for name, namespace in node.get_node_names_and_namespaces()
@@ -79,7 +79,7 @@ def get_node_names(*, node: Node, include_hidden_nodes: bool = False) -> list[No
 def wait_for_node(
     node: Node, node_name: str, include_hidden_nodes: bool = False, timeout: float = 1.0
 ) -> bool:
-    """Wait until a node with this full name is in the graph, at most `timeout` seconds; whether it is."""
+    """Wait for a node with this full name, at most `timeout` seconds; returns whether it is in the graph."""
 
     def is_there() -> bool:
         found = get_node_names(node=node, include_hidden_nodes=include_hidden_nodes)
@@ -106,7 +106,7 @@ def get_topics(
 def get_subscriber_info(
     *, node: Node, remote_node_name: str, include_hidden: bool = False
 ) -> list[TopicInfo]:
-    """The subscriptions of a node; as all of these, raises NodeNameNonExistentError."""
+    """The subscriptions of a node. Raises NodeNameNonExistentError, as the functions below."""
     find = node.get_subscriber_names_and_types_by_node
     return get_topics(remote_node_name, find, include_hidden_topics=include_hidden)
 

@@ -57,8 +57,8 @@ def get_parameter_type_string(parameter_type: int) -> str:
 def call_get_parameters(*, node: Node, node_name: str, parameter_names: list[str]) -> Any:
     """The response of GetParameters of the node `node_name`.
 
-    As all of these, raises RuntimeError if the node has no services of parameters after 5 s, or if the call
-    fails.
+    Raises RuntimeError, as the functions below, if the node has no services of parameters after 5 s, or if
+    the call fails.
     """
     return _call(node, node_name, lambda client: client.get_parameters(parameter_names))
 
@@ -76,7 +76,7 @@ def call_describe_parameters(*, node: Node, node_name: str, parameter_names: lis
 def call_list_parameters(
     *, node: Node, node_name: str, prefixes: list[str] | None = None
 ) -> Future[Any] | None:
-    """The future of ListParameters, which is done; None if the node has no services of parameters."""
+    """The finished future of ListParameters; None if the node has no services of parameters after 5 s."""
     with _client(node, node_name) as client:
         if not client.wait_for_services(timeout_sec=_WAIT_S):
             return None

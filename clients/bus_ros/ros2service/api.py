@@ -18,7 +18,9 @@ __all__ = [
 def get_service_names_and_types(
     *, node: Node, include_hidden_services: bool = False
 ) -> list[tuple[str, list[str]]]:
-    """All services with their types; without hidden ones, which have a token that begins with `_`."""
+    """All services with their types. Unless included, hidden services are left out: a token of their name
+    begins with `_`.
+    """
     found = node.get_service_names_and_types()
     if include_hidden_services:
         return found

@@ -67,7 +67,9 @@ def positive_float(inval: str) -> float:
 def get_topic_names_and_types(
     *, node: Node, include_hidden_topics: bool = False
 ) -> list[tuple[str, list[str]]]:
-    """All topics with their types; without hidden ones, which have a token that begins with `_`."""
+    """All topics with their types. Unless included, hidden topics are left out: a token of their name begins
+    with `_`.
+    """
     found = node.get_topic_names_and_types()
     if include_hidden_topics:
         return found
@@ -86,10 +88,11 @@ def message_type_completer(**kwargs: Any) -> list[str]:
 
 
 def get_msg_class(node: Node, topic: str, blocking: bool = False, include_hidden_topics: bool = False) -> Any:
-    """The class of a topic's messages. If there is no such topic, prints a warning.
+    """The class of a topic's messages.
 
-    Then returns None; with `blocking`, waits for the topic as long as the context is not shut down.
-    Raises RuntimeError for an invalid name, a topic with several types, or a type without definition.
+    If there is no such topic, prints a warning and returns None. With `blocking` it waits for the topic
+    instead, until the context is shut down. Raises RuntimeError for an invalid name, a topic with several
+    types, or a type without definition.
     """
     found = _msg_class(node, topic, include_hidden_topics)
     if found is not None:
