@@ -8,7 +8,7 @@ processes, `lookup.py` how tests name them, `text.py` how their output is search
 for pytest.
 
 Invariants: signals come to the launch's thread; data goes from the launch to the tests through `processes.py`
-only; names and texts are ROS 2's.
+only; names and texts are those of the package launch_testing in ROS 2's launch (Jazzy).
 
 Read first: `runner.py`. Tests: `tests/unit/bus_launch/launch_testing/`,
 `tests/system/test_launch_processes.py`.

@@ -189,7 +189,7 @@ class ActiveIoHandler(IoHandler):
         strip_ansi_escape_sequences: bool = True,
         stream: str = "stderr",
     ) -> bool:
-        """Whether it comes within `timeout` seconds: a text, a pattern, or several in turn.
+        """Wait for a text, a pattern, or several in turn; returns whether they came within `timeout` seconds.
 
         As in ROS 2, only stderr is looked at if no stream is named.
         """

@@ -26,7 +26,7 @@ Runner = Callable[[unittest.TestSuite], unittest.TestResult]
 
 
 def run_file(path: str, arguments: Mapping[str, str], *, verbosity: int = 1) -> bool:
-    """Whether all tests of a file passed. Raises the file's error."""
+    """Run the tests of a file; returns whether all passed. Raises an error of the file itself."""
     module = load_python_launch_file_as_module(path)
     if not hasattr(module, "generate_test_description"):
         raise RuntimeError(f"'{path}' has no generate_test_description()")
@@ -34,7 +34,7 @@ def run_file(path: str, arguments: Mapping[str, str], *, verbosity: int = 1) -> 
 
 
 def run_module(module: Any, arguments: Mapping[str, str], run: Runner) -> bool:
-    """Whether all tests of a module passed, in all its launches. `run` runs a suite of tests."""
+    """Run the tests of a module, in all its launches; returns whether all passed. `run` runs a suite."""
     make = module.generate_test_description
     rows = make() if hasattr(make, "__parametrized__") else [(make, {})]
     # All launches, also after a failure.

@@ -37,7 +37,7 @@ class ProcessProxy:
         self._filter = output_filter
 
     def wait_for_shutdown(self, timeout: float | None = None) -> bool:
-        """Whether the process ends within the time."""
+        """Wait for the end of the process; returns whether it came within the time."""
         with self._info.proc_event:
             return self._info.proc_event.wait_for(lambda: self.terminated, timeout)
 
