@@ -6,6 +6,8 @@
                   +-- `reading.py`    routes in: the reader for each writer (`early.py`: before that)
     cyclonedds: `participant.py`, `raw.py`;  translations: `names.py`, `qos.py`, `idl.py`, `known_types.py`
 
+    services, not used by the engine yet: `services.py` (`service_identity.py`), on `bus_bridge.rtps`
+
 Invariants:
 
 - ROS 2's nodes see our nodes as nodes of ROS 2: names, QoS, types and hashes follow rmw's rules.
@@ -18,5 +20,6 @@ Invariants:
 Read first: `engine.py`, `names.py`, then `reading.py`.
 
 Tests: `tests/unit/bus_bridge/dds/`, `tests/system/test_bridge_dds_engine.py`,
-`tests/system/test_bridge_dds_ros.py`, `tests/system/test_bridge_ros2.py`.
+`tests/system/test_bridge_dds_ros.py`, `tests/system/test_bridge_ros2.py`; of services
+`tests/system/test_rtps_services_ros.py`.
 """

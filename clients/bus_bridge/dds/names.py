@@ -15,6 +15,8 @@ __all__ = [
     "is_service_of_each_node",
     "kind_of",
     "service_from_dds",
+    "service_to_dds",
+    "service_types_to_dds",
     "topic_from_dds",
     "topic_to_dds",
     "type_from_dds",
@@ -66,6 +68,16 @@ def service_from_dds(dds_topic: str) -> str | None:
     """Convert `rq/sRequest` and `rr/sReply` to `/s`; None if it is not a topic of a service of ROS 2."""
     found = _SERVICE.fullmatch(dds_topic)
     return found[1] if found else None
+
+
+def service_to_dds(service: str) -> tuple[str, str]:
+    """Convert `/s` to the topics of its requests and of its answers: `rq/sRequest` and `rr/sReply`."""
+    return f"rq{service}Request", f"rr{service}Reply"
+
+
+def service_types_to_dds(type_name: str) -> tuple[str, str]:
+    """Convert `std_srvs/srv/Trigger` to the types of its requests and of its answers."""
+    return type_to_dds(f"{type_name}_Request"), type_to_dds(f"{type_name}_Response")
 
 
 def is_service_of_each_node(service: str) -> bool:

@@ -354,6 +354,8 @@ class Reader:
     def _acknowledge(self, far: _Far, missing: list[int], now_ns: int, *, is_final: bool = True) -> None:
         far.serials += 1
         base, writer = far.low + 1, far.guid[PREFIX_BYTES:]
+        if far.state is ReaderState.JOINING and far.low == 0 and far.serials % 2 == 0:
+            base = 0  # only this makes Fast DDS send a heartbeat; others may want the standard's 1
         acknack = write_acknack(self.entity, writer, base, missing, far.serials, is_final=is_final)
         self._send(far.guid, [acknack])
 

@@ -9,6 +9,7 @@ import os
 import signal
 import sys
 import threading
+import time
 from functools import partial
 from typing import Any
 from zlib import crc32
@@ -73,6 +74,8 @@ class Peer:
         self._publishers: dict[str, Any] = {}
         self._subscriptions: dict[str, Any] = {}
         self._streams: dict[str, Any] = {}
+        self._services: dict[str, Any] = {}
+        self._clients: dict[str, Any] = {}
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self.node)
         self._thread = threading.Thread(target=self._spin, daemon=True)
@@ -117,8 +120,47 @@ class Peer:
     def stop(self, topic: str) -> None:
         self.node.destroy_timer(self._streams.pop(topic))
 
+    def offer(self, service: str, type_name: str, pause_s: float = 0.0, **answer: Any) -> None:
+        """Make a server that tells each request, and then always answers the same after `pause_s`."""
+        cls = class_of(type_name)
+
+        def on_request(request: Any, response: Any) -> Any:
+            tell(heard=service, message=as_values(request))
+            if pause_s:
+                threading.Event().wait(pause_s)
+            return fill(response, answer)
+
+        self._services[service] = self.node.create_service(cls, service, on_request)
+
+    def call(self, service: str, type_name: str, count: int = 1, time_s: float = 10.0, **request: Any) -> Any:
+        """Call a service once it is there, `count` times at once; None for an answer that did not come."""
+        if service not in self._clients:
+            self._clients[service] = self.node.create_client(class_of(type_name), service)
+        client = self._clients[service]
+        if not client.wait_for_service(time_s):
+            return "no server"
+        done, futures = threading.Semaphore(0), []
+        for _ in range(count):
+            future = client.call_async(fill(client.srv_type.Request(), request))
+            future.add_done_callback(lambda _: done.release())
+            futures.append(future)
+        end = time.monotonic() + time_s
+        for _ in range(count):
+            done.acquire(timeout=max(end - time.monotonic(), 0))
+        return [as_values(future.result()) if future.done() else None for future in futures]
+
+    def has_server(self, service: str, type_name: str) -> bool:
+        """Whether a client of it is matched with a server."""
+        if service not in self._clients:
+            self._clients[service] = self.node.create_client(class_of(type_name), service)
+        return bool(self._clients[service].service_is_ready())
+
     def end(self, topic: str) -> None:
         """The endpoints go."""
+        if topic in self._services:
+            self.node.destroy_service(self._services.pop(topic))
+        if topic in self._clients:
+            self.node.destroy_client(self._clients.pop(topic))
         if topic in self._publishers:
             self.node.destroy_publisher(self._publishers.pop(topic))
         if topic in self._subscriptions:
@@ -179,6 +221,9 @@ def main() -> None:
         "send",
         "stream",
         "stop",
+        "offer",
+        "call",
+        "has_server",
         "end",
         "matched",
         "nodes",

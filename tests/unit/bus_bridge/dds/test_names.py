@@ -73,3 +73,14 @@ def test_services_that_each_node_has(service: str, has_each: bool) -> None:
 def test_the_node_of_a_participant_without_any_tells_them_apart() -> None:
     one, other = (bytes.fromhex("010f78fd033ee044000000") + bytes([n]) + b"\0\0\1\xc1" for n in (1, 2))
     assert names.bare_node_name(one) == "_dds_010f78fd033ee04400000001" != names.bare_node_name(other)
+
+
+@for_each(
+    "service, type_name", [("/s", "std_srvs/srv/Trigger"), ("/a/_action/get_result", "p/action/F_GetResult")]
+)
+def test_services(service: str, type_name: str) -> None:
+    for topic in names.service_to_dds(service):
+        assert names.service_from_dds(topic) == service
+    requests, responses = names.service_types_to_dds(type_name)
+    assert names.type_from_dds(requests) == f"{type_name}_Request"
+    assert names.type_from_dds(responses) == f"{type_name}_Response"

@@ -17,6 +17,8 @@ class World:
 
     def __init__(self, room_bytes: int = 100_000, *, reliable: bool = True, sample_bytes: int = 1000) -> None:
         self.sent: list[str] = []
+        self.raw_bases: list[int] = []
+        """The bases of acknowledgments, as they are in the datagram."""
         self.numbers: list[int] = []
         self.payloads: list[bytes | None] = []
         self.reader = Reader(ENTITY, self.send, self.deliver, sample_bytes=sample_bytes)
@@ -29,6 +31,7 @@ class World:
     def send(self, guid: bytes, parts: Sequence[bytes]) -> None:
         datagram = m.read_datagram(m.write_head(bytes(12)) + b"".join(parts))
         assert not datagram.fault
+        self.raw_bases.append(m.read_number64(parts[-1], 12, "<"))
         self.sent += [short(one.submessage) for one in datagram.received]
 
     def deliver(self, arrived: Arrived) -> None:
@@ -95,6 +98,8 @@ def test_it_asks_for_a_heartbeat_until_one_comes() -> None:
     world = World()
     assert world.taken() == ["has <1"]
     assert not world.reader.is_following(ONE)
+    world.wait(11)
+    assert world.raw_bases == [1, 0]  # the first word that the standard wants, and the one for Fast DDS
     world.wait(10_000)
     assert 10 < len(world.taken()) < 25
     world.heartbeat(1, 0)

@@ -1,0 +1,325 @@
+"""Services of ROS 2 over RTPS: servers and clients of ours in a DDS domain, and those of others.
+
+Owns: the two topics of each service, the identity of each call, and when a call can be made. Payloads are
+CDR. Must not know: busd's names for services, and how the bus carries calls.
+
+A call goes to one server, which is there if its endpoints have answered both of ours. Otherwise a server
+could get a request before it knows the reader for the answer; Fast DDS drops the answer then.
+"""
+
+import asyncio
+from collections.abc import Callable
+from typing import Final, NamedTuple
+
+from bus_bridge.dds.names import service_to_dds, service_types_to_dds
+from bus_bridge.dds.service_identity import (
+    RequestId,
+    read_answer,
+    read_request,
+    write_answer,
+    write_request,
+)
+from bus_bridge.errors import BridgeError
+from bus_bridge.rtps.announcements import EndpointData
+from bus_bridge.rtps.ids import PREFIX_BYTES
+from bus_bridge.rtps.parameters import RtpsError
+from bus_bridge.rtps.reader import Arrived
+from bus_bridge.rtps.running import RunningParticipant
+
+__all__ = ["NoServer", "ServiceClient", "ServiceServer", "Services"]
+
+_MOST_CALLS: Final = 10_000
+"""Calls without an answer, of one client or to one server."""
+_POLL_S: Final = 0.01
+_LONGEST_POLL_S: Final = 0.2
+
+
+class NoServer(BridgeError):
+    """A call that gets no answer: its server has gone."""
+
+
+class _Topics(NamedTuple):
+    requests: str
+    replies: str
+    request_type: str
+    response_type: str
+
+
+class Services:
+    """All our servers and clients in one DDS domain. Use it on its event loop only.
+
+    `warn` is called with texts for the user; a text may come again. Raises BridgeError like
+    RunningParticipant.
+    """
+
+    def __init__(
+        self,
+        domain: int,
+        warn: Callable[[str], None],
+        *,
+        host: str = "127.0.0.1",
+        peers: tuple[str, ...] = (),
+        user_data: bytes = b"enclave=/;",
+    ) -> None:
+        self.warn = warn
+        self._clients: set[ServiceClient] = set()
+        self._servers: set[ServiceServer] = set()
+        self._vendors: dict[bytes, bytes] = {}
+        """Vendors of far endpoints, by GUID."""
+        self.participant = RunningParticipant(
+            domain, self, _is_of_service, host=host, peers=peers, user_data=user_data
+        )
+
+    def serve(
+        self,
+        service: str,
+        type_name: str,
+        on_request: Callable[[RequestId, bytes], None],
+        user_data: bytes = b"",
+    ) -> "ServiceServer":
+        """Offer a service. `on_request` is called with the id and the CDR of each request."""
+        server = ServiceServer(self, _topics(service, type_name), on_request, user_data)
+        self._servers.add(server)
+        return server
+
+    def make_client(self, service: str, type_name: str, user_data: bytes = b"") -> "ServiceClient":
+        """Make a client of a service."""
+        client = ServiceClient(self, _topics(service, type_name), user_data)
+        self._clients.add(client)
+        return client
+
+    def vendor_of(self, guid: bytes) -> bytes:
+        """The vendor of the participant of a far endpoint."""
+        return self._vendors.get(guid, b"")
+
+    def close(self) -> None:
+        """End everything. Calls without an answer fail. A second call has no effect."""
+        for client in list(self._clients):
+            client.close()
+        for server in list(self._servers):
+            server.close()
+        self.participant.close()
+
+    def forget(self, end: "ServiceServer | ServiceClient") -> None:
+        """An end of a service was closed."""
+        if isinstance(end, ServiceClient):
+            self._clients.discard(end)
+        else:
+            self._servers.discard(end)
+
+    # --- news of the participant
+
+    def endpoint_added(self, endpoint: EndpointData, vendor: bytes) -> None:
+        self._vendors[endpoint.guid] = vendor
+
+    def endpoint_removed(self, endpoint: EndpointData) -> None:
+        self._vendors.pop(endpoint.guid, None)
+        for client in list(self._clients):
+            client.endpoint_removed(endpoint.guid)
+        for server in list(self._servers):
+            server.endpoint_removed(endpoint.guid)
+
+
+class ServiceServer:
+    """A service that we offer; made by `Services.serve`."""
+
+    def __init__(
+        self,
+        services: Services,
+        topics: _Topics,
+        on_request: Callable[[RequestId, bytes], None],
+        user_data: bytes,
+    ) -> None:
+        self.faulty = 0
+        """Requests without an identity."""
+        self.refused = 0
+        """Requests while too many others were without an answer."""
+        self._services = services
+        self._participant = services.participant
+        self._on_request = on_request
+        self._open: dict[RequestId, None] = {}
+        # The writer of answers first: a client that sees the reader may ask at once.
+        self._writer = self._participant.add_writer(topics.replies, topics.response_type, user_data=user_data)
+        self._reader = self._participant.add_reader(
+            topics.requests, topics.request_type, self._arrived, user_data=user_data
+        )
+        self._is_closed = False
+
+    @property
+    def guids(self) -> tuple[bytes, bytes]:
+        """The GUIDs of its reader and its writer."""
+        return self._reader.guid, self._writer.guid
+
+    @property
+    def waiting(self) -> int:
+        """The number of requests without an answer."""
+        return len(self._open)
+
+    def answer(self, request: RequestId, cdr: bytes) -> bool:
+        """Answer a request; returns False if it has an answer, or if its client has gone."""
+        if self._is_closed or request not in self._open:
+            return False
+        del self._open[request]
+        sample = write_answer(request, cdr)
+        to = request.reader if request.reader in self._writer.matched else None
+        self._participant.write(self._writer, sample.payload, inline=sample.inline, to=to)
+        return True
+
+    def drop(self, request: RequestId) -> None:
+        """There will be no answer: ROS 2 has none that says that a request failed."""
+        self._open.pop(request, None)
+
+    def close(self) -> None:
+        """Withdraw the service. A second call has no effect."""
+        if not self._is_closed:
+            self._is_closed = True
+            self._open.clear()
+            self._participant.remove(self._reader)
+            self._participant.remove(self._writer)
+            self._services.forget(self)
+
+    def endpoint_removed(self, guid: bytes) -> None:
+        """A client has gone: nothing waits for its answers any more."""
+        for request in [one for one in self._open if guid in (one.writer, one.client)]:
+            del self._open[request]
+
+    def _arrived(self, arrived: Arrived) -> None:
+        try:
+            request, cdr = read_request(arrived, self._services.vendor_of(arrived.writer))
+        except RtpsError:
+            self.faulty += 1
+            return
+        if len(self._open) >= _MOST_CALLS:
+            self.refused += 1
+            return
+        self._open[request] = None
+        self._on_request(request, cdr)
+
+
+class _Server(NamedTuple):
+    """A far server: the GUIDs of its reader of requests, and of its writer of answers."""
+
+    reader: bytes
+    writer: bytes
+
+
+class ServiceClient:
+    """A client of a service; made by `Services.make_client`."""
+
+    def __init__(self, services: Services, topics: _Topics, user_data: bytes) -> None:
+        self.faulty = 0
+        """Answers without an identity."""
+        self.late = 0
+        """Answers to calls that were given up, or had an answer."""
+        self._services = services
+        self._participant = services.participant
+        self._calls: dict[int, tuple[asyncio.Future[bytes], _Server]] = {}
+        self._reader = self._participant.add_reader(
+            topics.replies, topics.response_type, self._arrived, user_data=user_data
+        )
+        self._writer = self._participant.add_writer(topics.requests, topics.request_type, user_data=user_data)
+        self._name = topics.requests
+        self._is_closed = False
+
+    @property
+    def guids(self) -> tuple[bytes, bytes]:
+        """The GUIDs of its reader and its writer."""
+        return self._reader.guid, self._writer.guid
+
+    @property
+    def waiting(self) -> int:
+        """The number of calls without an answer."""
+        return len(self._calls)
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether a server is there, and knows this client."""
+        return self._find_server() is not None
+
+    async def wait_until_ready(self) -> None:
+        """Wait for a server. Raises NoServer if the client is closed. Cancellation leaves nothing behind."""
+        pause_s = _POLL_S
+        while not self.is_ready:
+            if self._is_closed:
+                raise NoServer(f"the client of {self._name} is closed")
+            # RTPS gives no news of acknowledgments, and they come within milliseconds.
+            await asyncio.sleep(pause_s)
+            pause_s = min(1.5 * pause_s, _LONGEST_POLL_S)
+
+    async def call(self, cdr: bytes) -> bytes:
+        """Make a call; returns the CDR of the answer. There is no time limit.
+
+        Raises NoServer if there is no server, or if it goes before it has answered, BridgeError for too
+        many calls at once. Cancellation gives the call up: its answer counts as late.
+        """
+        server = None if self._is_closed else self._find_server()
+        if server is None:
+            raise NoServer(f"no server of {self._name}")
+        if len(self._calls) >= _MOST_CALLS:
+            raise BridgeError(f"{_MOST_CALLS} calls of {self._name} wait for an answer, which is the limit")
+        assert self._writer.writer is not None
+        number = self._writer.writer.last + 1
+        vendor = self._services.vendor_of(server.reader)
+        sample = write_request(cdr, self._reader.guid, self._writer.guid, number, vendor)
+        future = asyncio.get_running_loop().create_future()
+        self._calls[number] = future, server
+        try:
+            self._participant.write(self._writer, sample.payload, inline=sample.inline, to=server.reader)
+            answer: bytes = await future
+        finally:
+            self._calls.pop(number, None)
+        return answer
+
+    def close(self) -> None:
+        """End the client: its calls fail. A second call has no effect."""
+        if not self._is_closed:
+            self._is_closed = True
+            self._fail(list(self._calls), "the client is closed")
+            self._participant.remove(self._writer)
+            self._participant.remove(self._reader)
+            self._services.forget(self)
+
+    def endpoint_removed(self, guid: bytes) -> None:
+        """A server may have gone: calls to it get no answer."""
+        gone = [number for number, (_, server) in self._calls.items() if guid in server]
+        self._fail(gone, "its server has gone")
+
+    def _fail(self, numbers: list[int], why: str) -> None:
+        for number in numbers:
+            future, _ = self._calls.pop(number)
+            if not future.done():
+                future.set_exception(NoServer(f"a call of {self._name} gets no answer: {why}"))
+
+    def _find_server(self) -> _Server | None:
+        reader, writer = self._reader.reader, self._writer.writer
+        assert reader is not None and writer is not None
+        answering = {guid[:PREFIX_BYTES]: guid for guid in self._reader.matched if reader.is_following(guid)}
+        for guid in self._writer.matched:
+            prefix = guid[:PREFIX_BYTES]
+            if prefix in answering and writer.has_answered(guid):
+                return _Server(guid, answering[prefix])
+        return None
+
+    def _arrived(self, arrived: Arrived) -> None:
+        vendor = self._services.vendor_of(arrived.writer)
+        try:
+            found = read_answer(arrived, self._reader.guid, self._writer.guid, vendor)
+        except RtpsError:
+            self.faulty += 1
+            return
+        if found is None:
+            return
+        number, cdr = found
+        future, server = self._calls.get(number, (None, None))
+        if future is None or server is None or arrived.writer != server.writer or future.done():
+            self.late += 1
+            return
+        future.set_result(cdr)
+
+
+def _topics(service: str, type_name: str) -> _Topics:
+    return _Topics(*service_to_dds(service), *service_types_to_dds(type_name))
+
+
+def _is_of_service(topic: str) -> bool:
+    return topic.startswith(("rq/", "rr/"))

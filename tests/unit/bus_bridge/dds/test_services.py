@@ -1,0 +1,163 @@
+"""Services over RTPS, between two participants of ours on loopback."""
+
+import asyncio
+import time
+from collections.abc import AsyncIterator, Callable
+
+import pytest
+
+from bus_bridge.dds.service_identity import RequestId
+from bus_bridge.dds.services import NoServer, ServiceClient, Services, ServiceServer
+from bus_bridge.errors import BridgeError
+from conftest import WAIT_S
+from ports import own_domain
+
+DOMAIN = own_domain()
+SERVICE, TYPE = "/s", "std_srvs/srv/Trigger"
+CDR = b"\0\1\0\0"
+
+
+class World:
+    """A server and a client, each in a participant of its own."""
+
+    def __init__(self) -> None:
+        self.warnings: list[str] = []
+        self.here = Services(DOMAIN, self.warnings.append)
+        self.there = Services(DOMAIN, self.warnings.append)
+        self.requests: list[tuple[RequestId, bytes]] = []
+        self.arrived = asyncio.Event()
+        self.answers = True
+        self.server: ServiceServer = self.here.serve(SERVICE, TYPE, self.on_request)
+        self.client: ServiceClient = self.there.make_client(SERVICE, TYPE)
+
+    def on_request(self, request: RequestId, cdr: bytes) -> None:
+        self.requests.append((request, cdr))
+        self.arrived.set()
+        if self.answers:
+            assert self.server.answer(request, cdr + b"!")
+
+    async def call(self, text: bytes) -> bytes:
+        return await asyncio.wait_for(self.client.call(CDR + text), WAIT_S)
+
+    async def ready(self) -> None:
+        await asyncio.wait_for(self.client.wait_until_ready(), WAIT_S)
+
+    async def hold(self) -> asyncio.Task[bytes]:
+        """A call that the server has, and does not answer."""
+        self.answers = False
+        self.arrived.clear()
+        task = asyncio.create_task(self.client.call(CDR + b"held"))
+        await asyncio.wait_for(self.arrived.wait(), WAIT_S)
+        return task
+
+
+async def until(holds: Callable[[], object]) -> None:
+    end = time.monotonic() + WAIT_S
+    while not holds():
+        assert time.monotonic() < end
+        await asyncio.sleep(0.005)
+
+
+@pytest.fixture
+async def world() -> AsyncIterator[World]:
+    made = World()
+    yield made
+    made.there.close()
+    made.here.close()
+    assert made.warnings == []
+
+
+async def test_the_first_call(world: World) -> None:
+    with pytest.raises(NoServer, match="no server of rq/sRequest"):
+        await world.client.call(CDR)
+    await world.ready()
+    assert await world.call(b"one") == CDR + b"one!"
+    assert world.server.waiting == world.client.waiting == 0
+
+
+async def test_a_hundred_at_once(world: World) -> None:
+    await world.ready()
+    answers = await asyncio.gather(*[world.call(b"%d" % number) for number in range(100)])
+    assert answers == [CDR + b"%d!" % number for number in range(100)]
+    assert len(world.requests) == 100
+
+
+async def test_each_client_gets_its_own_answers(world: World) -> None:
+    other = world.there.make_client(SERVICE, TYPE)
+    await world.ready()
+    await asyncio.wait_for(other.wait_until_ready(), WAIT_S)
+    sent = ((world.client, b"1"), (other, b"2"), (world.client, b"3"))
+    calls = [asyncio.wait_for(client.call(CDR + text), WAIT_S) for client, text in sent]
+    assert await asyncio.gather(*calls) == [CDR + b"1!", CDR + b"2!", CDR + b"3!"]
+    assert (world.client.late, other.late) == (0, 0)
+
+
+async def test_a_long_answer(world: World) -> None:
+    await world.ready()
+    assert await world.call(bytes(200_000)) == CDR + bytes(200_000) + b"!"
+
+
+async def test_a_server_that_goes_fails_its_calls(world: World) -> None:
+    await world.ready()
+    task = await world.hold()
+    world.server.close()
+    world.server.close()
+    with pytest.raises(NoServer, match="gets no answer: its server has gone"):
+        await asyncio.wait_for(task, WAIT_S)
+    assert not world.client.is_ready
+    world.answers = True
+    world.server = world.here.serve(SERVICE, TYPE, world.on_request)
+    await world.ready()
+    assert await world.call(b"again") == CDR + b"again!"
+
+
+async def test_a_client_that_goes_leaves_nothing(world: World) -> None:
+    await world.ready()
+    task = await world.hold()
+    assert world.server.waiting == 1
+    world.client.close()
+    world.client.close()
+    with pytest.raises(NoServer, match="the client is closed"):
+        await task
+    await until(lambda: not world.server.waiting)
+    assert not world.server.answer(world.requests[0][0], CDR)
+    with pytest.raises(NoServer):
+        await world.client.call(CDR)
+    with pytest.raises(NoServer, match="is closed"):
+        await world.client.wait_until_ready()
+
+
+async def test_a_call_that_is_given_up(world: World) -> None:
+    await world.ready()
+    task = await world.hold()
+    task.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await task
+    assert world.client.waiting == 0
+    assert world.server.answer(world.requests[0][0], CDR)
+    assert not world.server.answer(world.requests[0][0], CDR)  # the second answer
+    world.answers = True
+    assert await world.call(b"next") == CDR + b"next!"
+    assert world.client.late == 1
+
+
+async def test_a_request_that_gets_no_answer(world: World) -> None:
+    await world.ready()
+    task = await world.hold()
+    world.server.drop(world.requests[0][0])
+    assert world.server.waiting == 0 and not task.done()
+    task.cancel()
+
+
+async def test_calls_have_a_limit(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("bus_bridge.dds.services._MOST_CALLS", 1)
+    await world.ready()
+    task = await world.hold()
+    with pytest.raises(BridgeError, match="1 calls of rq/sRequest wait for an answer"):
+        await world.client.call(CDR)
+    other = world.there.make_client(SERVICE, TYPE)
+    await asyncio.wait_for(other.wait_until_ready(), WAIT_S)
+    refused = asyncio.create_task(other.call(CDR))
+    await until(lambda: world.server.refused)
+    task.cancel()
+    refused.cancel()
