@@ -456,6 +456,12 @@ class Parts:
 
     def __buffer__(self, flags: int, /) -> memoryview: ...
 
+def room(size: int, /) -> bytearray:
+    """A buffer whose contents are undefined: the caller must not pass on a byte that it has not written.
+
+    A bytearray made by Python is filled with zeros.
+    """
+
 def run_messages(
     body: Buffer, offset: int, number: int, decode: Callable[[Any], M], /
 ) -> tuple[list[M], int] | None:

@@ -20,6 +20,18 @@ static PyObject *core_readers_bytes(PyObject *module, PyObject *argument)
     return PyLong_FromUnsignedLongLong(readers_segment_bytes(slot_count));
 }
 
+static PyObject *core_room(PyObject *module, PyObject *size)
+{
+    (void)module;
+    const Py_ssize_t bytes = PyLong_AsSsize_t(size);
+    if (bytes < 0) {
+        if (!PyErr_Occurred())
+            PyErr_SetString(PyExc_ValueError, "a room has no negative size");
+        return NULL;
+    }
+    return PyByteArray_FromStringAndSize(NULL, bytes);
+}
+
 static PyObject *core_forget_pins(PyObject *module, PyObject *Py_UNUSED(none))
 {
     (void)module;
@@ -112,6 +124,7 @@ static PyMethodDef functions[] = {
     {"run_messages", (PyCFunction)(void (*)(void))core_run_messages, METH_FASTCALL, NULL},
     {"run_samples", (PyCFunction)(void (*)(void))core_run_samples, METH_FASTCALL, NULL},
     {"scan_packed", (PyCFunction)(void (*)(void))core_scan_packed, METH_FASTCALL, NULL},
+    {"room", core_room, METH_O, NULL},
     {"keep_thread", core_keep_thread, METH_NOARGS, NULL},
     {"timerfd_create", core_timerfd_create, METH_NOARGS, NULL},
     {"timerfd_settime", core_timerfd_settime, METH_VARARGS, NULL},

@@ -8,6 +8,8 @@ messages of 64 KiB, freed together, are enough for it: busd had 6 page faults fo
 
 import sys
 
+from bus import shm
+
 LARGE_BYTES = 64 << 10
 """Size of a message from which on glibc returns memory to the kernel."""
 
@@ -17,6 +19,14 @@ _M_MMAP_THRESHOLD = -3
 _KEPT_BYTES = 64 << 20
 
 _is_done = False
+
+
+def room(size: int) -> bytearray:
+    """A buffer for `size` bytes to be received. Before that, its contents are undefined.
+
+    A bytearray is filled with zeros first. Without that, busd takes 7 % less CPU time for a message of 1 MiB.
+    """
+    return shm.native.room(size) if shm.has_core() else bytearray(size)
 
 
 def keep_freed_memory() -> None:

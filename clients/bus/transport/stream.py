@@ -23,7 +23,7 @@ import msgspec
 from bus.base.descriptor import Descriptor
 from bus.errors import RemoteProtocolError
 from bus.transport.hangups import HangUps
-from bus.transport.memory import LARGE_BYTES, keep_freed_memory
+from bus.transport.memory import LARGE_BYTES, keep_freed_memory, room
 from bus.transport.stream_state import (
     HUNG_UP,
     READ_OVER,
@@ -156,6 +156,7 @@ class Stream:
         taker: Taker | None = None,
     ) -> None:
         self.session = session
+        session.reader.make_room = room
         self.outbox = outbox
         self.reading = ReadState.OPEN
         self.writing = WriteState.OPEN

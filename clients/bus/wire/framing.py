@@ -9,6 +9,7 @@ without having paid for all of them.
 The first frame that breaks the layout sets the reader's `fault`; earlier frames are still returned.
 """
 
+from collections.abc import Callable
 from struct import Struct
 from typing import TypeAlias
 
@@ -70,6 +71,8 @@ class FrameReader:
         self._end = 0  # bytes of a part of a frame at the start of the buffer
         self._start = self._stop = 0  # range of bytes not yet cut
         self._begin = 0  # start of the readdressed frames
+        self.make_room: Callable[[int], bytearray] = bytearray
+        """Makes a buffer for a long frame. Its contents may be undefined."""
         self._large: memoryview | None = None  # for a frame that is too long for the common buffer
         self._large_room = 0  # size of that buffer so far, which is charged
         self._large_end = 0
@@ -266,11 +269,11 @@ class FrameReader:
             if total > BUFFER_BYTES:
                 room = min(total, _FIRST_ROOM_BYTES)
                 self._reserve(room)
-                # A buffer filled with zeros costs as much as reading into it, even if no more bytes come. A
-                # buffer by pages does not, but it is freed at once, and the next one costs the same again.
+                # A longer buffer could cost as much as reading into it, even if no more bytes come. A buffer
+                # by pages does not, but it is freed at once, and the next one costs the same again.
                 try:
                     large = (
-                        memoryview(bytearray(_SHIFT + total))
+                        memoryview(self.make_room(_SHIFT + total))
                         if total == room
                         else paged_buffer(_SHIFT + total)
                     )

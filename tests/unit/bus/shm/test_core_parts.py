@@ -81,6 +81,21 @@ def test_what_has_no_bytes_is_refused(piece: object, error: type[Exception]) -> 
         Parts(piece=b"")  # type: ignore[call-arg]
 
 
+@pytest.mark.parametrize("size", [0, 1, 1 << 20])
+def test_a_room_can_be_written(size: int) -> None:
+    room = shm.native.room(size)
+    assert type(room) is bytearray
+    assert len(room) == size
+    room[:] = b"x" * size
+    assert room.count(b"x") == size
+
+
+@pytest.mark.parametrize("size", [-1, 1 << 70, "1"])
+def test_a_room_that_can_not_be(size: int) -> None:
+    with pytest.raises((ValueError, OverflowError, TypeError)):
+        shm.native.room(size)
+
+
 def test_items_of_several_bytes_are_refused_when_they_are_joined() -> None:
     parts = Parts(memoryview(bytes(80)).cast("Q"))
     with pytest.raises(TypeError, match="must consist of bytes"):

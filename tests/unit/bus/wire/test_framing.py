@@ -179,6 +179,17 @@ class TestMemory:
         assert address % 8 == 0
         assert bytes(run.body) == record(size)
 
+    @pytest.mark.parametrize("size", [BUFFER_BYTES, 1 << 20])
+    def test_the_buffer_of_a_large_frame_may_have_any_contents(self, size: int) -> None:
+        """None of them gets into a frame, nor into the next one."""
+        frames = reader()
+        frames.make_room = lambda size: bytearray(b"?" * size)
+        stream = data(record(size)) + control(b"x") + data(record(10))
+        (first, message, last) = feed(frames, stream)
+        assert isinstance(first, Run)
+        assert isinstance(last, Run)
+        assert (bytes(first.body), message, bytes(last.body)) == (record(size), b"x", record(10))
+
     def test_the_buffer_is_never_empty(self) -> None:
         frames = reader()
         stream = control(b"x" * (BUFFER_BYTES - FRAME_HEAD_BYTES)) + data(record(5 << 20))
