@@ -65,7 +65,7 @@ class TestWhenItLeaves:
 
 @pytest.mark.skipif(not shm.has_core(), reason="without the core, long samples are copied into runs")
 class TestLongSample:
-    """It leaves at once, alone, from where its parts lie."""
+    """It leaves in a run for it alone, from where its parts lie."""
 
     TEXT = "x" * RUN_BYTES
 
@@ -80,11 +80,34 @@ class TestLongSample:
         way = Way(QoSProfile(10))
         way.put(3)
         self.put(way, self.TEXT)
-        assert way.left() == [[1], [2, 3], [4]]
+        assert way.left() == [[1], [2, 3]]
+        way.port.settle()
+        assert way.left() == [[4]]
         way.put()
         way.port.settle()
-        assert way.left() == [[5]], "gathered, because the long one has just left"
+        assert way.left() == [[5]]
         assert way.sender.bytes == 5 + RUN_BYTES
+
+    def test_at_once_and_a_few_that_follow_soon_together(self) -> None:
+        way = Way(QoSProfile(10))
+        way.port.advance(0.001)
+        self.put(way, self.TEXT)
+        assert way.left() == [[1]]
+        for _ in range(5):
+            self.put(way, self.TEXT)
+        assert way.left() == [[2], [3], [4], [5]]
+        way.port.settle()
+        assert way.left() == [[6]]
+        self.put(way, 4 * self.TEXT)
+        assert way.left() == [[7]], "it is as long as a few"
+
+    def test_none_waits_for_one_that_would_replace_it(self) -> None:
+        way = Way(QoSProfile(2))
+        for _ in range(7):
+            self.put(way, self.TEXT)
+        way.port.settle()
+        assert way.left() == [[number] for number in range(1, 8)]
+        assert way.sender.replaced == 0
 
     def test_it_is_not_copied(self) -> None:
         way = Way(QoSProfile(10))
@@ -120,6 +143,7 @@ class TestLongSample:
         way = Way(qos)
         way.match()
         self.put(way, self.TEXT)
+        way.port.settle()
         assert way.left() == [[1]]
         way.lose()
         way.declare(2)
