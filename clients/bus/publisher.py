@@ -40,6 +40,8 @@ if TYPE_CHECKING:  # few programs lend
 M = TypeVar("M", bound=msgspec.Struct)
 
 _JOINED_BYTES = 16 << 10
+_TRIES = 3
+"""Attempts of the quick way in a ring without room: the owner moves `hold`, then grows the ring."""
 _SENDS_PER_TURN = 100
 """After this many sends without a wait, `send` gives the event loop a turn."""
 
@@ -107,12 +109,15 @@ class Publisher(Endpoint[M]):
             return self._put(status)
         if status and status in (shm.native.FULL, shm.native.HELD):
             # Everything else is right, so the message need not be encoded again to learn the same.
-            if not self._sender.make_way(status):
-                self._core.refused += 1
-                return False
-            status = self._quick.publish(message)
-            if status is True:
-                return True
+            for _ in range(_TRIES):
+                if not self._sender.make_way(status):
+                    self._core.refused += 1
+                    return False
+                status = self._quick.publish(message)
+                if status is True:
+                    return True
+                if status not in (shm.native.FULL, shm.native.HELD):
+                    break
         if status and status == shm.native.REPORT_DUE:
             core = self._core
             core.link.report(core)
@@ -183,6 +188,11 @@ class Publisher(Endpoint[M]):
         loan_class = find_loan_class()
         lending = sender.lending or sender.make_lending()
         made = self._quick.lend_field(message, index, size, loan_class, lending.end)
+        if made in (shm.native.FULL, shm.native.HELD):  # as in `_publish_on`
+            if not sender.make_way(made):
+                self._core.refused += 1
+                return None
+            made = self._quick.lend_field(message, index, size, loan_class, lending.end)
         if isinstance(made, loan_class):
             return made
         if (size := to_index(size)) < 0:

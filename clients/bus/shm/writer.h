@@ -171,28 +171,34 @@ static inline void ring_give_up(struct ring_writer *w, uint64_t survivor)
     }
 }
 
+/* Whether a record that ends at position `end` may be next, if records from `needed` on are needed. */
+static inline bool ring_may_turn(const struct ring_writer *w, uint64_t needed, uint64_t end)
+{
+    if (needed < w->oldest || needed > w->latest)
+        return needed > w->latest;
+    const uint64_t at = ring_position(w, needed);
+    return at + w->capacity >= end && w->head - at <= w->capacity / 4;
+}
+
 /* Before a large record of `total` bytes: turns back to the start of the ring, which is still in the cache. It does not
  * turn back if records there are needed: by lossless readers, `hold` or the depth. One more record counts as needed,
  * because a reader may be reading it. It does not turn back either if the needed records take more than a quarter of
- * the ring. False: only `hold` prevents it, and the owner should try to move it; returned once for a record. */
+ * the ring. False: only `hold` prevents it, and the owner should try to move it; returned once for a record. (If readers
+ * prevent it, too, moving `hold` would change nothing and cost the owner more than half of the copy.) */
 static inline bool ring_turn_back(struct ring_writer *w, uint64_t next, uint64_t total)
 {
-    const uint64_t offset = w->head & (w->capacity - 1), lap = w->head - offset + w->capacity;
+    const uint64_t offset = w->head & (w->capacity - 1), lap = w->head - offset + w->capacity, end = lap + total;
     if (offset < RING_ROUND * total || next <= w->keep)
         return true;
-    if (w->hold < next && offset >= RING_ASK && w->asked != next) {
-        w->asked = next;
-        return false;
-    }
-    uint64_t needed = next - w->keep;
+    const uint64_t newest = next - w->keep;
+    uint64_t needed = newest;
     if (needed > w->floor && needed > (w->floor = ring_taken(w)))
         needed = w->floor;
-    if (needed < w->oldest)
-        return true;
-    if (needed <= w->latest) {
-        const uint64_t at = ring_position(w, needed);
-        if (at + w->capacity < lap + total || w->head - at > w->capacity / 4)
+    if (!ring_may_turn(w, needed, end)) {
+        if (offset < RING_ASK || w->asked == next || !ring_may_turn(w, gates_taken(&w->gates, newest), end))
             return true;
+        w->asked = next;
+        return false;
     }
     w->turn = next;
     w->behind = lap + offset;
