@@ -35,6 +35,7 @@ from fuzz.script import Script
 _SOURCE: Final = b"s" * 12
 _FAR: Final = (b"1" * 12, b"2" * 12)
 _BOUNDS: Final = Bounds(participants=1, endpoints=3, room_bytes=3000)
+_MOST_WRITTEN: Final = 1 << 20
 _MOST_SENT: Final = 20_000
 """Bytes in answer to one datagram."""
 
@@ -44,9 +45,15 @@ def datagrams(data: bytes) -> None:
     with suppress(RtpsError):
         datagram = m.read_datagram(data)
         for one in datagram.received:
+            if isinstance(one.submessage, m.DataFragments) and _end(one.submessage) > _MOST_WRITTEN:
+                continue
             again = m.read_datagram(m.write_head(one.source) + _written(one.submessage))
             assert not again.fault, again.fault
             assert _plain(again.received[0].submessage) == _plain(one.submessage)
+
+
+def _end(one: m.DataFragments) -> int:
+    return (one.first - 1) * one.fragment_bytes + len(one.payload)
 
 
 def _written(one: m.Submessage) -> bytes:
@@ -54,8 +61,6 @@ def _written(one: m.Submessage) -> bytes:
         case m.Data(reader, writer, number, payload):
             return m.write_data(reader, writer, number, payload)
         case m.DataFragments(reader, writer, number, first, _, size, _, payload):
-            if first * size > 1 << 20:
-                return m.write_data(reader, writer, number, payload)
             whole = bytes((first - 1) * size) + payload
             return m.write_fragment(reader, writer, number, first, size, whole)
         case m.Heartbeat(reader, writer, first, last, count, is_final):

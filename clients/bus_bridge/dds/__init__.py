@@ -6,7 +6,8 @@
                   +-- `reading.py`    routes in: the reader for each writer (`early.py`: before that)
     cyclonedds: `participant.py`, `raw.py`;  translations: `names.py`, `qos.py`, `idl.py`, `known_types.py`
 
-    services, not used by the engine yet: `services.py` (`service_identity.py`), on `bus_bridge.rtps`
+    services, not used by the engine yet: the bus <-> `service_calls.py` (`service_types.py`) <->
+        `services.py` (`service_identity.py`) <-> `bus_bridge.rtps`
 
 Invariants:
 
@@ -21,5 +22,5 @@ Read first: `engine.py`, `names.py`, then `reading.py`.
 
 Tests: `tests/unit/bus_bridge/dds/`, `tests/system/test_bridge_dds_engine.py`,
 `tests/system/test_bridge_dds_ros.py`, `tests/system/test_bridge_ros2.py`; of services
-`tests/system/test_rtps_services_ros.py`.
+`tests/system/test_rtps_services_ros.py`, `tests/system/test_rtps_services_bus.py`.
 """

@@ -58,6 +58,11 @@ def fill(message: Any, values: dict[str, Any]) -> Any:
         held = getattr(message, name)
         if hasattr(held, "get_fields_and_field_types"):
             fill(held, value)
+        elif isinstance(value, list) and value and isinstance(value[0], dict):
+            item = message.get_fields_and_field_types()[name].removeprefix("sequence<").rstrip(">")
+            package, _, short = item.partition("/")
+            made = class_of(f"{package}/msg/{short}")
+            setattr(message, name, [fill(made(), one) for one in value])
         elif isinstance(value, dict):
             held.frombytes(bytes(number % 251 for number in range(value["size"])))
         else:

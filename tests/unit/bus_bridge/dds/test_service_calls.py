@@ -1,0 +1,176 @@
+"""Calls between the bus and ROS 2, over two participants of ours: each ends once."""
+
+import asyncio
+import time
+from collections.abc import AsyncIterator, Callable
+from typing import Any
+
+import pytest
+
+from bus.srv.example_interfaces import AddTwoInts
+from bus.types.service import Reply, service_support
+from bus_bridge.dds import service_calls
+from bus_bridge.dds.service_calls import CallsFromRos, CallsToRos
+from bus_bridge.dds.service_types import ServiceTypes
+from bus_bridge.dds.services import Services
+from conftest import WAIT_S
+from ports import own_domain
+
+DOMAIN = own_domain()
+ADD = ServiceTypes.find("example_interfaces/srv/AddTwoInts")
+SUPPORT = service_support(AddTwoInts)
+BRIDGE, CLIENT = b"b" * 16, b"c" * 16
+
+
+async def until(holds: Callable[[], object]) -> None:
+    end = time.monotonic() + WAIT_S
+    while not holds():
+        assert time.monotonic() < end
+        await asyncio.sleep(0.005)
+
+
+class World:
+    """A server on one bus, a client on another, and DDS between them."""
+
+    def __init__(self) -> None:
+        self.warnings: list[str] = []
+        self.here = Services(DOMAIN, self.warnings.append)
+        self.there = Services(DOMAIN, self.warnings.append)
+        self.asked: list[Any] = []
+        self.replies: list[Reply] = []
+        self.answers = True
+        self.served = CallsFromRos(self.here, "/add", ADD, BRIDGE, self.on_request)
+        self.calls = CallsToRos(self.there, "/add", ADD, self.on_reply)
+
+    def on_request(self, payload: bytes) -> None:
+        request = SUPPORT.requests.decode(payload)
+        assert request.client == BRIDGE
+        self.asked.append(request)
+        if self.answers:
+            self.answer(request)
+
+    def answer(self, request: Any) -> None:
+        response = AddTwoInts.Response(sum=request.body.a + request.body.b)
+        self.served.reply(SUPPORT.encode_response(BRIDGE, request.number, response))
+
+    def on_reply(self, payload: bytes) -> None:
+        self.replies.append(SUPPORT.replies(CLIENT).decode(payload))
+
+    def call(self, number: int) -> None:
+        request = AddTwoInts.Request(a=number, b=1)
+        self.calls.request(SUPPORT.encode_request(CLIENT, number, request))
+
+    async def replied(self, count: int = 1) -> Reply:
+        await until(lambda: len(self.replies) == count)
+        return self.replies[-1]
+
+    async def hold(self) -> None:
+        """A call that the server has, and does not answer."""
+        self.answers = False
+        self.call(1)
+        await until(lambda: self.asked)
+
+
+@pytest.fixture
+async def world() -> AsyncIterator[World]:
+    made = World()
+    yield made
+    made.calls.close()
+    made.served.close()
+    made.there.close()
+    made.here.close()
+
+
+async def test_a_hundred_calls_from_the_first_moment(world: World) -> None:
+    for number in range(1, 101):
+        world.call(number)
+        world.call(number)  # sent once more, after busd had restarted
+    await world.replied(100)
+    assert {reply.number: reply.body.sum for reply in world.replies} == {
+        number: number + 1 for number in range(1, 101)
+    }
+    assert len(world.asked) == 100
+    assert (world.calls.waiting, world.served.waiting, world.warnings) == (0, 0, [])
+
+
+async def test_a_question_about_a_call(world: World) -> None:
+    await world.hold()
+    world.calls.request(SUPPORT.encode_question(CLIENT, 1))
+    world.calls.request(SUPPORT.encode_question(CLIENT, 9))
+    reply = await world.replied()
+    assert (reply.number, reply.error, reply.body) == (9, "", None)
+    world.answer(world.asked[0])
+    assert (await world.replied(2)).body.sum == 2
+
+
+async def test_an_answer_for_another_client_and_a_second_one(world: World) -> None:
+    await world.hold()
+    response = AddTwoInts.Response(sum=5)
+    world.served.reply(SUPPORT.encode_response(CLIENT, 1, response))
+    assert world.served.waiting == 1
+    for _ in range(2):
+        world.served.reply(SUPPORT.encode_response(BRIDGE, 1, response))
+    assert (await world.replied()).body.sum == 5
+    world.call(2)
+    await until(lambda: len(world.asked) == 2)
+    assert len(world.replies) == 1
+
+
+async def test_an_error_of_the_server(world: World) -> None:
+    await world.hold()
+    world.served.reply(SUPPORT.encode_error(BRIDGE, 1, "no fuel"))
+    assert (world.served.failed, world.served.waiting, world.served.server.waiting) == (1, 0, 0)
+    assert world.warnings == ["a call of /add by a node of ROS 2 gets no answer: no fuel"]
+    assert world.calls.waiting == 1  # ROS 2 has no errors
+
+
+async def test_a_server_here_that_goes(world: World) -> None:
+    await world.hold()
+    world.served.server_gone()
+    assert (world.served.failed, world.served.waiting) == (1, 0)
+    world.served.close()
+    reply = await world.replied()
+    assert reply.error == "a call of rq/addRequest gets no answer: its server has gone"
+    assert (world.calls.failed, world.calls.waiting) == (1, 0)
+
+
+async def test_a_client_here_that_goes(world: World) -> None:
+    await world.hold()
+    world.calls.client_gone(b"o" * 16)
+    assert world.calls.waiting == 1
+    world.calls.client_gone(CLIENT)
+    await until(lambda: world.calls.waiting == 0)
+    world.answer(world.asked[0])
+    world.answers = True
+    world.call(2)
+    assert (await world.replied()).number == 2
+    assert world.calls.client.late == 1
+
+
+async def test_no_server(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(service_calls, "_PATIENCE_S", 0.01)
+    nowhere = CallsToRos(world.there, "/nowhere", ADD, world.on_reply)
+    nowhere.request(SUPPORT.encode_request(CLIENT, 1, AddTwoInts.Request()))
+    assert (await world.replied()).error == "no server of /nowhere in ROS 2"
+    nowhere.close()
+
+
+async def test_a_client_that_is_closed_meanwhile(world: World) -> None:
+    nowhere = CallsToRos(world.there, "/nowhere", ADD, world.on_reply)
+    nowhere.request(SUPPORT.encode_request(CLIENT, 1, AddTwoInts.Request()))
+    nowhere.close()
+    await until(lambda: nowhere.waiting == 0)
+    assert world.replies == []
+
+
+async def test_limits(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(service_calls, "_MOST_TASKS", 1)
+    await world.hold()
+    world.call(2)
+    assert "1 calls of /add wait for an answer" in (await world.replied()).error
+    monkeypatch.setattr(service_calls, "_MOST_CALLS", 1)
+    monkeypatch.setattr(service_calls, "_MOST_TASKS", 9)
+    world.call(3)
+    await until(lambda: len(world.asked) == 2)
+    assert (world.served.waiting, world.served.failed) == (1, 1)
+    assert "too many later calls" in world.warnings[0]
