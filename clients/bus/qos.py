@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from enum import IntEnum, StrEnum
 from functools import lru_cache
 from types import MappingProxyType
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
 import msgspec
 
@@ -127,7 +127,7 @@ class Policy(IntEnum):
     LIVELINESS_LEASE_DURATION = 1 << 8
 
 
-class PolicyField(NamedTuple):
+class PolicyField(msgspec.Struct, frozen=True):
     """One policy of a profile, with its names in other forms of profiles: texts, YAML, options, rmw."""
 
     name: str
@@ -288,7 +288,7 @@ def _keep_last(depth: int) -> QoSProfile:
     return QoSProfile(depth)
 
 
-class Incompatibility(NamedTuple):
+class Incompatibility(msgspec.Struct, frozen=True):
     """One reason why a publisher and a subscription don't match, in ROS's words."""
 
     policy: Policy

@@ -32,7 +32,18 @@ else:
 __all__ = ["late_modules", "when_loaded"]
 
 _LATE: Final = frozenset(
-    ("asyncio.sslproto", "inspect", "locale", "msgspec.inspect", "platform", "ssl", "textwrap", "tokenize")
+    (
+        "asyncio.sslproto",
+        "inspect",
+        "locale",
+        "msgspec.inspect",
+        "platform",
+        "selectors",
+        "ssl",
+        "subprocess",
+        "textwrap",
+        "tokenize",
+    )
 )
 _NEEDED: Final = {"ssl": "_ssl"}
 """Modules that a Python may lack: then asyncio must get the ImportError at once."""
@@ -133,7 +144,7 @@ def _load(module: ModuleType) -> None:
 
 
 def _function(module: str, name: str) -> Callable[[], Any]:
-    """A stand-in for a function: it loads the module when it is called."""
+    """A stand-in for a function, or for an exception that is only raised: a call loads the module."""
 
     def call(*args: Any, **named: Any) -> Any:
         _load(sys.modules[module])
@@ -199,6 +210,10 @@ _STAND_INS: Final[dict[tuple[str, str], Callable[[], Any]]] = {
     ("inspect", "isgenerator"): _function("inspect", "isgenerator"),
     ("inspect", "signature"): lambda: _signature,
     **({("platform", "system"): lambda: _system} if sys.platform == "linux" else {}),
+    ("subprocess", "DEVNULL"): lambda: -3,
+    ("subprocess", "PIPE"): lambda: -1,
+    ("subprocess", "STDOUT"): lambda: -2,
+    ("subprocess", "SubprocessError"): _function("subprocess", "SubprocessError"),
     ("ssl", "create_default_context"): _function("ssl", "create_default_context"),
     ("ssl", "CertificateError"): _of_core("SSLCertVerificationError"),
     ("ssl", "SSLContext"): lambda: _SSLContext,

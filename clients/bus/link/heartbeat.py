@@ -8,7 +8,7 @@ import asyncio
 from collections.abc import Callable
 from time import monotonic_ns
 
-from bus.process.shared_loop import GuardedLoop
+from bus.process import guarded
 
 __all__ = ["LATE_NS", "Heartbeat"]
 
@@ -22,6 +22,7 @@ class Heartbeat:
     def __init__(self, on_due: Callable[[float], None]) -> None:
         self._on_due = on_due
         self._loop = asyncio.get_running_loop()
+        self._guarded_loop = guarded(self._loop)
         self._timer: asyncio.TimerHandle | None = None
         self._began_ns = self._due_ns = 0  # begin and end of the wait for the next heartbeat
 
@@ -46,7 +47,7 @@ class Heartbeat:
         `turn_ns`: the time of the loop's last known turn.
         """
         most_s = (now_ns - self._began_ns) / 1e9
-        if most_s < lease_s or (isinstance(self._loop, GuardedLoop) and self._loop.rests):
+        if most_s < lease_s or (self._guarded_loop is not None and self._guarded_loop.rests):
             return ""
         if turn_ns > self._began_ns:
             return f"{(now_ns - turn_ns) / 1e9:.0f} s"

@@ -21,7 +21,7 @@ from bus.link.declarations import Counted, Declarations, Known, LinkEndpoint, Li
 from bus.link.incoming import Incoming
 from bus.link.reports import Reports
 from bus.link.shm_context import ShmContext
-from bus.process.shared_loop import GuardedLoop
+from bus.process import guarded
 from bus.process.waiters import Waiters
 from bus.wire import messages as m
 from bus.wire.runs import Buffer, RunQueue
@@ -39,7 +39,7 @@ class LoopCalls:
 
     def __init__(self) -> None:
         self.loop = asyncio.get_running_loop()
-        self.guarded_loop = self.loop if isinstance(self.loop, GuardedLoop) else None
+        self.guarded_loop = guarded(self.loop)
         self.is_shared = self.guarded_loop is not None
         self.owns_thread = _is_thread(get_ident()) if self.guarded_loop is None else self.guarded_loop.is_mine
         self.now_ns = monotonic_ns

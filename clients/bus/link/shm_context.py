@@ -16,7 +16,7 @@ from weakref import WeakValueDictionary
 from bus import shm
 from bus.base.descriptor import Descriptor
 from bus.logger import get_logger
-from bus.process.shared_loop import GuardedLoop
+from bus.process import guarded
 from bus.shm import is_available, segments
 
 SLOTS = 1020
@@ -78,7 +78,8 @@ class ShmContext:
         self._is_closed = False
         # On a loop that threads share, the thread that waits for the samples continues before the rest is
         # done.
-        self._deferred = self._loop.deferred if isinstance(self._loop, GuardedLoop) else None
+        guarded_loop = guarded(self._loop)
+        self._deferred = None if guarded_loop is None else guarded_loop.deferred
         self._poll_all = self._rung if self._deferred is None else self._rung_among_threads
         self._loop.add_reader(self.doorbell.number, self._poll_all)
         self.readers.sleep()

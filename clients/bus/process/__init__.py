@@ -22,3 +22,21 @@ Read first: the docstring of the module in question; the modules are independent
 Tests: `tests/unit/bus/process/`, `tests/system/test_early_signals.py`, `tests/system/test_endings.py`,
 `tests/system/test_background_log.py`.
 """
+
+from __future__ import annotations
+
+import sys
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from asyncio import AbstractEventLoop
+
+    from bus.process.shared_loop import GuardedLoop
+
+__all__ = ["guarded"]
+
+
+def guarded(loop: AbstractEventLoop) -> GuardedLoop | None:
+    """`loop`, if threads share it; else None. Does not import `shared_loop.py`, which few programs need."""
+    kind = getattr(sys.modules.get("bus.process.shared_loop"), "GuardedLoop", ())
+    return loop if isinstance(loop, kind) else None

@@ -20,7 +20,7 @@ with loading(): import asyncio
 
 async def main():
     assert type(asyncio.get_running_loop()).__module__ == "uvloop"
-    assert not {"ast", "base64", "token"} & set(sys.modules)
+    assert not {"ast", "base64", "token", "_posixsubprocess"} & set(sys.modules)
     await use()
 
 bus.run(main())
@@ -44,6 +44,7 @@ def _run(code: str) -> None:
         "import ssl; ssl.SSLContext = 1; assert ssl.SSLContext == 1 and ssl.SSLError",
         "import inspect, importlib; assert importlib.reload(inspect).signature",
         "import inspect; assert inspect.iscoroutinefunction(asyncio.sleep)",
+        "import subprocess as s; assert s.run is not None and (s.PIPE, s.STDOUT, s.DEVNULL) == (-1, -2, -3)",
         "import platform; assert platform.system() == platform.uname().system and platform.machine()",
         "import linecache, bus; assert linecache.getline(bus.__file__, 1)",
         "import ssl, pickle; assert pickle.loads(pickle.dumps(ssl.SSLError)) is ssl.SSLError",
@@ -121,6 +122,19 @@ def test_loading_that_fails_is_tried_again() -> None:
         await asyncio.get_running_loop().create_server(asyncio.Protocol, "127.0.0.1", 0, ssl=3)
     except TypeError as error:
         assert "SSLContext" in str(error)
+    else:
+        raise SystemExit("no error")
+""",
+        """
+    def fail(): raise KeyError("here")
+    pipe, echo = asyncio.subprocess.PIPE, ("echo", "hi")
+    child = await asyncio.create_subprocess_exec(*echo, stdout=pipe, stderr=asyncio.subprocess.DEVNULL)
+    assert await child.communicate() == (b"hi\\n", None)
+    try:
+        await asyncio.create_subprocess_exec(*echo, preexec_fn=fail)
+    except Exception as error:
+        import subprocess
+        assert type(error) is subprocess.SubprocessError and type(error.__cause__) is KeyError
     else:
         raise SystemExit("no error")
 """,

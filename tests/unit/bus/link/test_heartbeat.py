@@ -8,6 +8,7 @@ import pytest
 
 from bus.link import heartbeat as module
 from bus.link.heartbeat import LATE_NS, Heartbeat
+from bus.process import shared_loop
 from rows import for_each
 
 S = 1_000_000_000
@@ -75,7 +76,7 @@ def test_a_few_parts_of_a_second_are_one_number(monkeypatch: pytest.MonkeyPatch)
 
 
 def test_a_loop_that_rests_stands_still_for_good_reason(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "GuardedLoop", Resting)
+    monkeypatch.setattr(shared_loop, "GuardedLoop", Resting)
     loop = Resting()
     heartbeat = begun(monkeypatch, loop)
     assert heartbeat.standstill(200 * S, 0, 10.0) == ""
