@@ -22,5 +22,6 @@ Read first: `messages.py`, then `lives.py` and `writer.py`, then `participant.py
 
 Tests: `tests/unit/bus_bridge/rtps/`, `tests/property/test_rtps_wire.py`,
 `tests/property/test_rtps_reliability.py`; the fuzzers `datagrams`, `announcements` and `participant` of
-`tests/fuzz/rtps_targets.py`; with ROS 2's own rclpy `tests/system/test_rtps_ros.py`.
+`tests/fuzz/rtps_targets.py`; with ROS 2's own rclpy `tests/system/test_rtps_ros.py`, between
+machines `tests/system/test_rtps_network.py`.
 """

@@ -9,6 +9,8 @@ import pytest
 from bus_bridge.dds.service_identity import RequestId
 from bus_bridge.dds.services import NoServer, ServiceClient, Services, ServiceServer
 from bus_bridge.errors import BridgeError
+from bus_bridge.rtps.reader import Reader
+from bus_bridge.rtps.writer import Writer
 from conftest import WAIT_S
 from ports import own_domain
 
@@ -161,3 +163,14 @@ async def test_calls_have_a_limit(world: World, monkeypatch: pytest.MonkeyPatch)
     await until(lambda: world.server.refused)
     task.cancel()
     refused.cancel()
+
+
+async def test_a_call_waits_until_the_server_knows_both_ends(
+    world: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    await world.ready()
+    for end, what in ((Reader, "is_following"), (Writer, "has_answered")):
+        with monkeypatch.context() as patch:
+            patch.setattr(end, what, lambda self, guid: False)
+            assert not world.client.is_ready
+    assert world.client.is_ready
