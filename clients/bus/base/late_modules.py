@@ -98,6 +98,23 @@ class _Late(ModuleType):
         return sorted(vars(self))
 
 
+class _Loading(ModuleType):
+    """A module that a thread is just loading: other threads wait for all its names, as in an import.
+
+    A function that exists already may need another one that does not exist yet.
+    """
+
+    def __getattribute__(self, name: str) -> Any:
+        if not name.startswith("__"):  # importlib and `isinstance` ask for the others
+            with _lock:
+                pass
+        return ModuleType.__getattribute__(self, name)
+
+    def __setattr__(self, name: str, value: object) -> None:
+        with _lock:
+            ModuleType.__setattr__(self, name, value)
+
+
 class _Loader:
     """Defers the work to `loader`; `calls` come after it."""
 
@@ -133,9 +150,11 @@ def _load(module: ModuleType) -> None:
             return  # it is loaded, or this thread is just loading it
         names = vars(module)
         spec.loader = names["__loader__"] = late.loader
+        module.__class__ = _Loading
         try:
             late.loader.exec_module(module)
         except BaseException:
+            module.__class__ = _Late
             spec.loader = names["__loader__"] = late
             raise
         module.__class__ = ModuleType

@@ -12,7 +12,8 @@ uint64_t core_now_ns(void)
     return (uint64_t)now.tv_sec * 1000000000u + (uint64_t)now.tv_nsec;
 }
 
-/* The module's state. No type can be subclassed, so an object's type is always made by the module. */
+/* The module's state. Only MessageBase can be subclassed, and its code does not call this: so an object's type is always
+ * made by the module. */
 CoreState *core_state(PyObject *object) { return PyType_GetModuleState(Py_TYPE(object)); }
 
 void *core_allocate(PyTypeObject *type)

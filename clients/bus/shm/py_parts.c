@@ -93,9 +93,11 @@ static bool join(Parts *self)
     char *place = whole == NULL ? NULL : PyBytes_AsString(whole), *end = place + self->size;
     for (Py_ssize_t i = 0; place != NULL && i < PyTuple_Size(self->pieces); i++) {
         Py_buffer piece;
-        if (PyObject_GetBuffer(PyTuple_GetItem(self->pieces, i), &piece, PyBUF_SIMPLE) < 0)
-            place = NULL;
-        else if (piece.len > end - place) /* items of several bytes */
+        if (PyObject_GetBuffer(PyTuple_GetItem(self->pieces, i), &piece, PyBUF_SIMPLE) < 0) {
+            place = NULL; /* and `piece` may have no content: a released memoryview leaves it as it was */
+            break;
+        }
+        if (piece.len > end - place) /* items of several bytes */
             place = NULL, PyErr_SetString(PyExc_TypeError, "a piece must consist of bytes");
         else
             memcpy(place, piece.buf, (size_t)piece.len), place += piece.len;

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -70,6 +71,28 @@ def test_threads_wait_until_it_is_loaded() -> None:
         "for one in threads: one.start()\n"
         "for one in threads: one.join()\n"
         "assert found == ['PROTOCOL_TLS'] * 8, found"
+    )
+
+
+_HALF_LOADED = """
+import threading
+def early(): return later()
+threading.begun.set()
+threading.tried.wait(0.2)  # until a thread has called `early`, if it does not wait
+def later(): return "done"
+"""
+
+
+def test_a_thread_does_not_see_a_half_loaded_module(tmp_path: Path) -> None:
+    (tmp_path / "textwrap.py").write_text(_HALF_LOADED)
+    _run(
+        "import threading\nthreading.begun, threading.tried = threading.Event(), threading.Event()\n"
+        f"{_LEAN}sys.modules.pop('textwrap', None)\nsys.path.insert(0, {str(tmp_path)!r})\n"
+        "with loading(): import textwrap\n"
+        "loader = threading.Thread(target=lambda: textwrap.later())\nloader.start()\n"
+        "threading.begun.wait()\n"
+        "try: assert textwrap.early() == 'done'\nfinally: threading.tried.set()\n"
+        "loader.join()\nassert type(textwrap) is type(sys)"
     )
 
 

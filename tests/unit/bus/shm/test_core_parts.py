@@ -100,3 +100,12 @@ def test_items_of_several_bytes_are_refused_when_they_are_joined() -> None:
     parts = Parts(memoryview(bytes(80)).cast("Q"))
     with pytest.raises(TypeError, match="must consist of bytes"):
         memoryview(parts)  # type: ignore[arg-type]
+
+
+def test_a_released_piece_is_an_error_when_the_pieces_are_joined() -> None:
+    for index in (0, 1):
+        parts = Parts(LONG, b"end")
+        parts.pieces[index].release()
+        for _ in range(2):
+            with pytest.raises(ValueError, match="released"):
+                memoryview(parts)  # type: ignore[arg-type]
