@@ -140,7 +140,8 @@ async def test_the_bus_calls_a_server_of_rclpy(gateway: Gateway, node: bus.Node,
             calls = [client.call(ListParameters.Request(depth=number)) for number in range(10)]
             found = await asyncio.wait_for(asyncio.gather(*calls), WAIT_S)
             assert [one.result.names for one in found] == 10 * [["a"]]
-        assert sorted(one["depth"] for one in ros.heard["/theirs"]) == sorted(10 * [*range(10)])
+        heard = await asyncio.to_thread(ros.wait, "/theirs", 100)
+        assert sorted(one["depth"] for one in heard) == sorted(10 * [*range(10)])
         await _ask(ros, "offer", service="/other", type_name=LIST, pause_s=100.0)
         await gateway.bring("/other", LIST)
         other = await node.create_client(ListParameters, "/other")

@@ -116,7 +116,8 @@ async def test_we_call_them(ours: Ours, distro: peer.Distro) -> None:
         await asyncio.wait_for(client.wait_until_ready(), WAIT_S)
         first = await asyncio.wait_for(client.call(request), WAIT_S)
         assert message(ListParameters.Response, first).result.names == ["a", "ü"]
-        assert ros.heard["/theirs"] == [{"prefixes": ["one"], "depth": 3}]
+        heard = await asyncio.to_thread(ros.wait, "/theirs")
+        assert heard == [{"prefixes": ["one"], "depth": 3}]
         # rclpy's server keeps ten requests: so more at once are too many for it, not for us.
         for _ in range(10):
             calls = [asyncio.wait_for(client.call(request), WAIT_S) for _ in range(10)]

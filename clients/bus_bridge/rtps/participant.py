@@ -154,6 +154,8 @@ class Participant:
         self._plan: list[tuple[int, int, bytes]] = []
         self._planned: dict[bytes, int] = {}
         self._turns = count()
+        self.gathers = False
+        """Whether what is to be sent waits for `flush`, so that it shares datagrams with more."""
         self._announce_ns: int | None = None
         self._now_ns = 0
 
@@ -268,6 +270,11 @@ class Participant:
                     self._touched[entity] = None
                     end.act(now_ns)
 
+    def flush(self) -> None:
+        """Send what waits, and send at once again."""
+        self.gathers = False
+        self._outbox.flush()
+
     def receive(self, datagram: bytes, source: Address, now_ns: int) -> None:
         """Handle a datagram from that address. Never raises, whatever it is."""
         try:
@@ -312,7 +319,8 @@ class Participant:
         if len(self._plan) > 4 * len(self._planned) + 64:
             self._plan = [one for one in self._plan if self._planned.get(one[2]) == one[0]]
             heapq.heapify(self._plan)
-        self._outbox.flush()
+        if not self.gathers:
+            self._outbox.flush()
 
     def _send(self, guid: bytes, parts: Iterable[bytes]) -> None:
         far = self.far.find(guid[:PREFIX_BYTES])

@@ -82,6 +82,7 @@ class RunningParticipant:
         keeping: Keeping = USUAL,
     ) -> Local:
         """Make a writer, and announce it."""
+        self._gather()
         made = self.core.add_writer(
             topic,
             type_name,
@@ -103,6 +104,7 @@ class RunningParticipant:
         user_data: bytes = b"",
     ) -> Local:
         """Make a reader, and announce it. `deliver` must not raise."""
+        self._gather()
         made = self.core.add_reader(
             topic, type_name, deliver, time.monotonic_ns(), policies=policies, user_data=user_data
         )
@@ -116,6 +118,7 @@ class RunningParticipant:
 
         `time_ns`: its time of publication; 0: now.
         """
+        self._gather()
         now_ns = time.monotonic_ns()
         number = self.core.write(local, payload, now_ns, time_ns or time.time_ns(), inline=inline, to=to)
         self._plan()
@@ -124,6 +127,7 @@ class RunningParticipant:
     def remove(self, local: Local) -> None:
         """End a reader or writer. A second call has no effect."""
         if not self._is_closed:
+            self._gather()
             self.core.remove(local, time.monotonic_ns())
             self._plan()
 
@@ -140,8 +144,19 @@ class RunningParticipant:
             self._timer.cancel()
         for descriptor in self._sockets.descriptors:
             self._loop.remove_reader(descriptor)
+        self.core.flush()
         self.core.leave(time.monotonic_ns())
         self._sockets.close()
+
+    def _gather(self) -> None:
+        """Send at the end of this turn of the event loop, in few datagrams."""
+        if not self.core.gathers and not self._is_closed:
+            self.core.gathers = True
+            self._loop.call_soon(self._flush)
+
+    def _flush(self) -> None:
+        if not self._is_closed:
+            self.core.flush()
 
     def _receive(self, descriptor: int) -> None:
         now_ns = time.monotonic_ns()

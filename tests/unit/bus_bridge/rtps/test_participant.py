@@ -159,6 +159,22 @@ def test_addressed_samples() -> None:
     assert (pair.got, got) == ([b"for two", b"for both"], [b"for three", b"for both"])
 
 
+def test_samples_that_are_gathered_share_a_datagram() -> None:
+    pair = Pair()
+    pair.network.run(1)
+    before = pair.network.sent
+    pair.one.participant.gathers = True
+    for number in range(5):
+        pair.write(b"%d" % number)
+    assert pair.network.sent == before
+    pair.one.participant.flush()
+    assert pair.network.sent == before + 1
+    pair.write(b"alone")
+    assert pair.network.sent == before + 2
+    pair.network.run(1)
+    assert pair.got == [b"0", b"1", b"2", b"3", b"4", b"alone"]
+
+
 @pytest.mark.parametrize("count", [1, 3])
 def test_many_endpoints_are_announced_in_few_datagrams(count: int) -> None:
     network = Network()
