@@ -196,3 +196,27 @@ def test_mistakes(here: Path) -> None:
     ):
         assert re.search(text, result.out), (text, result.out)
     assert "assert 1 == 2" in result.out
+
+
+EXIT = (
+    HEAD
+    + """
+@launch_pytest.fixture
+def description():
+    return launch.LaunchDescription([ExecuteProcess(cmd=["sleep", "1000"])])
+
+@pytest.mark.launch(fixture=description)
+def test_exit():
+    raise SystemExit(3)
+
+@pytest.mark.launch(fixture=description)
+async def test_exit_of_a_coroutine():
+    raise SystemExit(4)
+"""
+)
+
+
+def test_a_test_that_exits_fails(here: Path) -> None:
+    result = run(here, EXIT)
+    assert "SystemExit: 3" in result.out and "SystemExit: 4" in result.out, result.out
+    assert "2 failed" in result.out

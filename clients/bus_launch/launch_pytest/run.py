@@ -39,8 +39,18 @@ class LaunchRun:
         self.loop.run_until_complete(self._begin(description))
 
     def call(self, function: Callable[[], Any]) -> Any:
-        """Call a function in another thread while the launch runs here."""
-        return self.loop.run_until_complete(self.loop.run_in_executor(None, function))
+        """Call a function in another thread while the launch runs here; raises its exception."""
+
+        def outcome() -> tuple[Any, BaseException | None]:
+            try:
+                return function(), None
+            except BaseException as error:  # for a future with SystemExit, asyncio's loop would never end
+                return None, error
+
+        result, error = self.loop.run_until_complete(self.loop.run_in_executor(None, outcome))
+        if error is not None:
+            raise error
+        return result
 
     def run(self, coroutine: Coroutine[Any, Any, Any]) -> Any:
         """Run a coroutine beside the launch."""
