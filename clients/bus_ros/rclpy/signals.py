@@ -6,7 +6,7 @@ import threading
 from collections.abc import Callable
 from enum import IntEnum
 from types import FrameType
-from typing import Any
+from typing import Any, NamedTuple
 
 from bus_ros import engine as engines
 from bus_ros.rclpy.context import Context
@@ -47,8 +47,7 @@ class SignalHandlerGuardCondition(Handled):
 _installed = SignalHandlerOptions.NO
 _before: dict[int, Any] = {}
 _came: int | None = None
-_deferred: asyncio.Handle | None = None
-"""Raises KeyboardInterrupt between two turns of an event loop."""
+_deferred: "_Deferred | None" = None
 
 
 def install_signal_handlers(options: SignalHandlerOptions = SignalHandlerOptions.ALL) -> None:
@@ -86,6 +85,13 @@ def last_signal() -> int | None:
     return _came
 
 
+class _Deferred(NamedTuple):
+    """Raises KeyboardInterrupt between two turns of an event loop, unless that stops before."""
+
+    loop: asyncio.AbstractEventLoop
+    handle: asyncio.Handle
+
+
 def _on_sigint(number: int, frame: FrameType | None) -> None:
     _end_contexts(number)
     engine = engines.current()
@@ -109,17 +115,18 @@ def _interrupt_between_turns(own_loop: asyncio.AbstractEventLoop | None) -> bool
     In a callback of an executor, whose loop is `own_loop`, the exception comes at once.
     """
     global _deferred
-    if _deferred is not None:
-        _deferred.cancel()
-        _deferred = None
-        return False
     try:
         loop = asyncio.get_running_loop()
     except RuntimeError:
+        loop = None
+    before, _deferred = _deferred, None
+    if before is not None:
+        before.handle.cancel()
+        if before.loop is loop:
+            return False
+    if loop is None or loop is own_loop:
         return False
-    if loop is own_loop:
-        return False
-    _deferred = loop.call_soon_threadsafe(_interrupt)
+    _deferred = _Deferred(loop, loop.call_soon_threadsafe(_interrupt))
     return True
 
 
