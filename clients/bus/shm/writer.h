@@ -184,7 +184,7 @@ static inline bool ring_may_turn(const struct ring_writer *w, uint64_t needed, u
  * turn back if records there are needed: by lossless readers, `hold` or the depth. One more record counts as needed,
  * because a reader may be reading it. It does not turn back either if the needed records take more than a quarter of
  * the ring. False: only `hold` prevents it, and the owner should try to move it; returned once for a record. (If readers
- * prevent it, too, moving `hold` would change nothing and cost the owner more than half of the copy.) */
+ * prevent it, too, moving `hold` would change nothing, and cost the owner a look at all new matches.) */
 static inline bool ring_turn_back(struct ring_writer *w, uint64_t next, uint64_t total)
 {
     const uint64_t offset = w->head & (w->capacity - 1), lap = w->head - offset + w->capacity, end = lap + total;
