@@ -128,6 +128,17 @@ class TestLongSample:
         way.port.flush()
         assert way.left() == [[1]]
 
+    def test_of_a_long_queue_the_rest_is_copied(self) -> None:
+        """So the memory of all of it exists when the free memory is checked."""
+        way = Way(QoSProfile(10))
+        way.port.is_choked = True
+        for _ in range(6):
+            self.put(way, "x" * (1 << 20))
+        assert [bool(run.pieces) for run in way.sender.queue.runs] == [True] * 3 + [False] * 3
+        way.port.is_choked = False
+        way.port.flush()
+        assert way.left() == [[number] for number in range(1, 7)]
+
     def test_a_socket_that_takes_nothing_replaces_it_as_any_other(self) -> None:
         way = Way(LAST_3)
         way.port.is_choked = True
