@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, TypeAlias, cast
 
 from bus import shm
 from bus.delivery.allowance import QUEUE_BYTES, STEP_BYTES, begin, extend
-from bus.delivery.open_run import OpenRun, open_run
+from bus.delivery.open_run import OpenRun, PythonRun, open_run
 from bus.delivery.port import Owner, Port
 from bus.delivery.recipients import Recipients
 from bus.delivery.thread_queue import ThreadQueue
@@ -104,7 +104,7 @@ class SocketSender:
         support = owner.support
         if not support.bytes_fields:  # a long field must not be encoded with the rest
             self.run.prepare(*support.steps)
-        self._has_core = shm.has_core()
+        self._has_core = not isinstance(self.run, PythonRun)
         if support.text_fields and self._has_core:
             self.run.longest = LONG_TEXT
         self._window = _make_window(self.run, threads) if qos.is_lossless else None

@@ -83,7 +83,7 @@ class PublisherCore(EndpointCore[M]):
         self.sender = Sender(node.link, self, node.logger, ring, sends)
         self.long_fields = support.bytes_fields
         """The fields that are copied separately from the rest of the message if they are long."""
-        if ring is not None or shm.has_core():  # without the core, a copy would join them with the rest
+        if sends is not None:  # without the core, a copy would join them with the rest
             self.long_fields += support.text_fields
         if qos.deadline is not None:
             self.watch_deadline()

@@ -116,7 +116,7 @@ class SubscriptionCore(EndpointCore[M]):
         self._lost_reported = 0
         self._lost_silently = 0
         self._liveliness: LivelinessWatch | None = None  # without a lease nothing is watched
-        if qos.lease_ns:
+        if qos.liveliness_lease_duration is not None:
             self._liveliness = LivelinessWatch(link, qos.lease_ns, self._report_liveliness)
         self._left_broker = link.broker
         self._left_brokers: dict[bytes, object] = {}  # by gid of a publisher: the last one that matched them

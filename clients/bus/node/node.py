@@ -281,7 +281,9 @@ class Node(ParameterHost, GraphHost):
         return Publisher(
             node,
             self.resolve_topic_name(topic),
-            _support(message_type, raw=True),
+            type_support(message_type)
+            if isinstance(message_type, type)
+            else _support(message_type, raw=True),
             profile(qos),
             events or PublisherEvents(),
             by_socket=by_socket,
@@ -369,7 +371,10 @@ class Node(ParameterHost, GraphHost):
         node, name = self._opened(), self.resolve_topic_name(topic)
         if message_type is None or isinstance(message_type, str):
             message_type = await self._find_schema(name, message_type)
-        support = _support(message_type, raw=raw)
+        if isinstance(message_type, type):
+            support = type_support(message_type)
+        else:
+            support = _support(message_type, raw=raw)
         on_slow: Callable[[int], object] | None = None
         if callback is not None:
             callback, on_slow = timed_by_caller(callback, f"subscription '{name}'", self._logger)
@@ -581,12 +586,12 @@ class Node(ParameterHost, GraphHost):
         await self._rosout.open(self._endpoints.declare)
 
 
-def _support(message_type: type[Any] | MessageSchema, *, raw: bool) -> TypeSupport[Any]:
-    if not isinstance(message_type, type):
-        from bus.schema import MessageSchema, support_of  # few programs have messages without a class
+def _support(message_type: MessageSchema, *, raw: bool) -> TypeSupport[Any]:
+    """The support of a schema. Raises as `type_support` for anything else that is not a class."""
+    from bus.schema import MessageSchema, support_of  # few programs have messages without a class
 
-        if isinstance(message_type, MessageSchema):
-            return support_of(message_type, raw=raw)
+    if isinstance(message_type, MessageSchema):
+        return support_of(message_type, raw=raw)
     return type_support(message_type)
 
 
