@@ -187,4 +187,5 @@ def test_a_call_waits_until_a_module_is_loaded() -> None:
 
 @pytest.mark.skipif(sys.version_info < (3, 12), reason="functions have no such mark")
 def test_a_call_to_be_awaited_is_a_coroutine_function_also_for_a_late_inspect() -> None:
-    _run("import bus; bus.Node\nimport inspect\nassert inspect.iscoroutinefunction(bus.Node.create_publisher)")
+    function = "bus.Node.create_publisher"
+    _run(f"import bus; {function}\nimport inspect\nassert inspect.iscoroutinefunction({function})")
