@@ -281,9 +281,7 @@ class Node(ParameterHost, GraphHost):
         return Publisher(
             node,
             self.resolve_topic_name(topic),
-            type_support(message_type)
-            if isinstance(message_type, type)
-            else _support(message_type, raw=True),
+            type_support(message_type) if isinstance(message_type, type) else _schema(message_type, raw=True),
             profile(qos),
             events or PublisherEvents(),
             by_socket=by_socket,
@@ -371,10 +369,7 @@ class Node(ParameterHost, GraphHost):
         node, name = self._opened(), self.resolve_topic_name(topic)
         if message_type is None or isinstance(message_type, str):
             message_type = await self._find_schema(name, message_type)
-        if isinstance(message_type, type):
-            support = type_support(message_type)
-        else:
-            support = _support(message_type, raw=raw)
+        support = type_support(message_type) if isinstance(message_type, type) else _schema(message_type, raw)
         on_slow: Callable[[int], object] | None = None
         if callback is not None:
             callback, on_slow = timed_by_caller(callback, f"subscription '{name}'", self._logger)
@@ -586,7 +581,7 @@ class Node(ParameterHost, GraphHost):
         await self._rosout.open(self._endpoints.declare)
 
 
-def _support(message_type: MessageSchema, *, raw: bool) -> TypeSupport[Any]:
+def _schema(message_type: MessageSchema, raw: bool) -> TypeSupport[Any]:
     """The support of a schema. Raises as `type_support` for anything else that is not a class."""
     from bus.schema import MessageSchema, support_of  # few programs have messages without a class
 
