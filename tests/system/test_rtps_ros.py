@@ -40,7 +40,7 @@ class Ours:
         self.vendors: set[bytes] = set()
         self.warnings: list[str] = []
         self.got: list[Arrived] = []
-        self.running = RunningParticipant(DOMAIN, self, lambda topic: topic.startswith("rt/t_"))
+        self.running = RunningParticipant(DOMAIN, self, lambda one: one.topic.startswith("rt/t_"))
 
     def endpoint_added(self, endpoint: EndpointData, vendor: bytes) -> None:
         self.far[endpoint.guid] = endpoint

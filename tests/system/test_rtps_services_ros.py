@@ -115,7 +115,7 @@ async def test_we_call_them(ours: Ours, distro: peer.Distro) -> None:
         await _ask(ros, "offer", service="/theirs", type_name=LIST, **answer)
         await asyncio.wait_for(client.wait_until_ready(), WAIT_S)
         first = await asyncio.wait_for(client.call(request), WAIT_S)
-        assert message(ListParameters.Response, first).result.names == ["a", "ü"]
+        assert message(ListParameters.Response, first.cdr).result.names == ["a", "ü"]
         heard = await asyncio.to_thread(ros.wait, "/theirs")
         assert heard == [{"prefixes": ["one"], "depth": 3}]
         # rclpy's server keeps ten requests: so more at once are too many for it, not for us.
@@ -148,8 +148,8 @@ async def test_parameters_of_their_node(ours: Ours, distro: peer.Distro) -> None
     with await _ros(distro):
         for client in (listing, getting):
             await asyncio.wait_for(client.wait_until_ready(), WAIT_S)
-        names = message(ListParameters.Response, await listing.call(cdr(ListParameters.Request())))
+        names = message(ListParameters.Response, (await listing.call(cdr(ListParameters.Request()))).cdr)
         assert "use_sim_time" in names.result.names
         asked = GetParameters.Request(names=["use_sim_time"])
-        answer = message(GetParameters.Response, await getting.call(cdr(asked)))
+        answer = message(GetParameters.Response, (await getting.call(cdr(asked))).cdr)
         assert [(value.type, value.bool_value) for value in answer.values] == [(1, False)]

@@ -31,7 +31,7 @@ class Machine:
             fragment_bytes=500,
             bounds=bounds,
         )
-        self.participant = Participant(settings, self.transmit, self, wanted)
+        self.participant = Participant(settings, self.transmit, self, lambda one: wanted(one.topic))
         self.is_cut = False
 
     def transmit(self, address: Address, datagram: bytes) -> None:

@@ -16,14 +16,25 @@ from bus.qos import MAX_DEPTH
 from bus.topic_patterns import compiled
 from bus_bridge.engine import Priority, RouteRule
 
-__all__ = ["Crossing", "Direction", "Rules", "TopicRule", "subject_of"]
+__all__ = ["Crossing", "Direction", "Kind", "Rules", "TopicRule", "kind_of", "subject_of"]
 
-Direction = Literal["both", "out", "in"]
+Direction = Literal["both", "out", "in", "none"]
+Kind = Literal["topics", "services", "actions", "parameters"]
 
 _MOST_REMEMBERED = 10_000
 _PRIVATE = frozenset(("/rosout", "/parameter_events"))
 """Topics that each bus has. They only cross if a pattern is exactly the name."""
 _OF_ACTION = re.compile(r"(/.+)/_action/(?:feedback|status|send_goal|cancel_goal|get_result)")
+_PARAMETER_SERVICES = frozenset(
+    (
+        "describe_parameters",
+        "get_parameter_types",
+        "get_parameters",
+        "list_parameters",
+        "set_parameters",
+        "set_parameters_atomically",
+    )
+)
 _WILD = frozenset("*?[")
 
 
@@ -34,8 +45,10 @@ class TopicRule(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     """
 
     pattern: str
+    kind: Kind | None = None
+    """The rule is only for names of this kind; None: for all."""
     direction: Direction | None = None
-    """`out`: only from this bus; `in`: only to this bus.
+    """`out`: only from this bus; `in`: only to this bus; `none`: neither.
 
     For a service or action it names the server's side: `out` offers our servers to the far side.
     """
@@ -92,18 +105,18 @@ class Rules:
         return known
 
     def _find(self, topic: str) -> Crossing:
-        subject = subject_of(topic)
+        subject, kind = subject_of(topic), kind_of(topic)
         direction: Direction = "both"
         changes: dict[str, object] = {}
         for one, pattern in self._topics:
-            if pattern.fullmatch(subject):
+            if one.kind in (None, kind) and pattern.fullmatch(subject):
                 said = {name: value for name, value in _fields(one).items() if value is not None}
                 direction = said.pop("direction", direction)  # type: ignore[assignment]
                 changes |= said
         rule = RouteRule(**changes)  # type: ignore[arg-type]
         if not self._may_cross(subject):
             return Crossing(goes_out=False, comes_in=False, rule=rule)
-        ways = {"both": (True, True), "out": (True, False), "in": (False, True)}[direction]
+        ways = direction in ("both", "out"), direction in ("both", "in")
         service = service_of_topic(topic)
         if service is not None and topic == request_topic(service):
             ways = ways[1], ways[0]  # requests go to the server's side
@@ -127,7 +140,17 @@ def subject_of(topic: str) -> str:
     return name if action is None else action[1]
 
 
+def kind_of(topic: str) -> Kind:
+    """The kind of the owner of `topic`."""
+    service = service_of_topic(topic)
+    if _OF_ACTION.fullmatch(service or topic):
+        return "actions"
+    if service is None:
+        return "topics"
+    return "parameters" if service.rpartition("/")[2] in _PARAMETER_SERVICES else "services"
+
+
 def _fields(rule: TopicRule) -> dict[str, object]:
     found = msgspec.structs.asdict(rule)
-    del found["pattern"]
+    del found["pattern"], found["kind"]
     return found

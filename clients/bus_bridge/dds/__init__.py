@@ -1,4 +1,4 @@
-"""The engine for DDS, as ROS 2 uses it, on cyclonedds; with the extra `ros2`.
+"""The engine for DDS, as ROS 2 uses it: topics by cyclonedds, services by our RTPS; with the extra `ros2`.
 
     `engine.py` --+-- `discovery.py`  far endpoints --> `graph.py` (their nodes) --> the bridge
                   +-- `node_info.py`, `node_topic.py`   `ros_discovery_info`: nodes, ours and theirs
@@ -6,8 +6,9 @@
                   +-- `reading.py`    routes in: the reader for each writer (`early.py`: before that)
     cyclonedds: `participant.py`, `raw.py`;  translations: `names.py`, `qos.py`, `idl.py`, `known_types.py`
 
-    services, not used by the engine yet: the bus <-> `service_calls.py` (`service_types.py`) <->
-        `services.py` (`service_identity.py`) <-> `bus_bridge.rtps`
+    services: the bridge's routes <-> `service_ways.py` <-> `service_calls.py` (`service_types.py`) <->
+        `services.py` (`service_identity.py`, `turns.py`) <-> `bus_bridge.rtps`
+    far servers and clients: `discovery.py` (`client_pairs.py`), as other endpoints
 
 Invariants:
 
@@ -15,6 +16,7 @@ Invariants:
 - Payloads stay CDR here; `bus_ros.cdr` translates them.
 - Nothing blocks: if DDS has no room, the rest of a batch waits with the caller.
 - One reader carries the messages of a far writer. If another takes over, no message is repeated or missing.
+- Each call ends once: with an answer, with an error (only on this bus), or because its client has gone.
 - Endpoints of other busds are ignored. They have a mark in USER_DATA.
 - Only `raw.py` uses private parts of cyclonedds; a test fails if one of them changes.
 
@@ -22,5 +24,5 @@ Read first: `engine.py`, `names.py`, then `reading.py`.
 
 Tests: `tests/unit/bus_bridge/dds/`, `tests/system/test_bridge_dds_engine.py`,
 `tests/system/test_bridge_dds_ros.py`, `tests/system/test_bridge_ros2.py`; of services
-`tests/system/test_rtps_services_ros.py`, `tests/system/test_rtps_services_bus.py`.
+`tests/system/test_rtps_services_ros.py`, `tests/system/test_bridge_ros2_services.py`.
 """

@@ -10,9 +10,17 @@ from collections.abc import Callable
 from typing import Any, Final
 
 from bus.errors import ConfigurationError
-from bus.names import validate_full_topic_name, validate_namespace, validate_node_name
+from bus.names import (
+    reply_topic,
+    request_topic,
+    validate_full_topic_name,
+    validate_namespace,
+    validate_node_name,
+)
 from bus.qos import Durability, Reliability
+from bus.types.service import keeping_all
 from bus_bridge.dds import qos
+from bus_bridge.dds.client_pairs import ClientPairs
 from bus_bridge.dds.graph import (
     Added,
     DomainGraph,
@@ -25,27 +33,22 @@ from bus_bridge.dds.graph import (
 )
 from bus_bridge.dds.known_types import KnownTypes
 from bus_bridge.dds.names import (
-    is_service_of_each_node,
+    ENCLAVE,
+    MARK,
     kind_of,
-    service_from_dds,
+    service_part_from_dds,
     topic_from_dds,
     type_from_dds,
     user_data_of,
 )
 from bus_bridge.dds.node_info import NodeInfo
 from bus_bridge.dds.participant import Participant, policies_of, user_data_in
+from bus_bridge.dds.service_types import KnownServices
 from bus_bridge.engine import EndpointKind, FarEndpoint, FarNode, FarSide
 from bus_bridge.errors import BridgeError
 
-__all__ = ["ENCLAVE", "MARK", "NO_SERVICES", "Discovery"]
+__all__ = ["Discovery"]
 
-MARK: Final = "busd"
-"""The key in USER_DATA by which busds recognize each other's endpoints."""
-ENCLAVE: Final = "enclave"
-"""The key in USER_DATA that each participant of ROS 2 has."""
-NO_SERVICES: Final = (
-    "services, actions and parameters don't cross between this bus and ROS 2 over DDS: topics do"
-)
 _ALIVE: Final = 16
 _BATCH: Final = 256
 _MOST_UNKNOWN: Final = 1000
@@ -63,12 +66,14 @@ class Discovery:
         participant: Participant,
         graph: DomainGraph,
         types: KnownTypes,
+        services: KnownServices,
         far: FarSide,
         on_change: Callable[[], None],
     ) -> None:
         self._participant = participant
         self._graph = graph
         self._types = types
+        self._services = services
         self._far = far
         self._on_change = on_change
         self._loop = asyncio.get_running_loop()
@@ -88,6 +93,7 @@ class Discovery:
         """Endpoints of unknown types, by gid: their types may become known."""
         self.node_info: NodeInfo | None = None
         self._topics: dict[bytes, str] = {}
+        self._client_pairs = ClientPairs()
         self._scheduled: set[str] = set()
         self._readers: dict[str, Any] = {}
 
@@ -193,10 +199,8 @@ class Discovery:
             case "graph" if kind == "publisher" and self.node_info is not None:
                 self.node_info.writer_added(handle, participant, "typehash" not in said)
             case "service":
-                service = service_from_dds(sample.topic_name)
-                is_server = kind == ("subscription" if sample.topic_name.startswith("rq") else "publisher")
-                if service is not None and is_server and not is_service_of_each_node(service):
-                    self._far.warn(NO_SERVICES)
+                for one in self._service_endpoints(handle, participant, sample, kind):
+                    self._report(self._graph.endpoint_added(one, time.monotonic()))
             case "topic":
                 found = self._endpoint(handle, participant, sample, kind, said.get("typehash", ""))
                 if found is not None:
@@ -225,13 +229,7 @@ class Discovery:
             schema = self._types.find(type_name, type_hash).schema
             profile = qos.profile_of(policies_of(sample.qos))
         except BridgeError as error:
-            if gid in self._unknown or len(self._unknown) < _MOST_UNKNOWN:
-                self._unknown[gid] = handle, participant, sample, kind
-            else:
-                self._far.warn(
-                    f"more than {_MOST_UNKNOWN:,} endpoints of ROS 2 have types that are not known here: "
-                    "further ones are left out until they are created again"
-                )
+            self._unknown_type(handle, participant, sample, kind)
             self._far.warn(f"topic {topic} of ROS 2 is left out: {error}")
             return None
         except ConfigurationError as error:
@@ -241,10 +239,54 @@ class Discovery:
             participant, FarEndpoint(kind, gid, "", topic, schema.type_name, schema.type_hash, profile)
         )
 
+    def _service_endpoints(
+        self, handle: int, participant: bytes, sample: Any, kind: EndpointKind
+    ) -> list[Found]:
+        """The endpoints to report now that one of a server or client was found. Their messages go by
+        RTPS."""
+        part = service_part_from_dds(sample.topic_name, sample.type_name)
+        if part is None:
+            self._far.warn(
+                f"'{sample.topic_name:.300}' of ROS 2 is left out: {sample.type_name!r:.300} is not its type"
+            )
+            return []
+        topic = request_topic(part.service) if part.is_request else reply_topic(part.service)
+        try:
+            validate_full_topic_name(topic)
+            types = self._services.find(part.type_name)
+        except BridgeError as error:
+            self._unknown_type(handle, participant, sample, kind)
+            self._far.warn(f"service {part.service} of ROS 2 is left out: {error}")
+            return []
+        except ConfigurationError as error:
+            reason = str(error).splitlines()[0]
+            self._far.warn(f"service {part.service} of ROS 2 is left out: {reason}")
+            return []
+        schema = types.requests if part.is_request else types.replies
+        profile = qos.OF_SERVICES if kind == "publisher" else keeping_all(qos.OF_SERVICES)
+        found = Found(
+            participant,
+            FarEndpoint(kind, sample.key.bytes, "", topic, schema.type_name, schema.type_hash, profile),
+        )
+        is_of_client = part.is_request is (kind == "publisher")
+        return self._client_pairs.added(found, part.service) if is_of_client else [found]
+
+    def _unknown_type(self, handle: int, participant: bytes, sample: Any, kind: EndpointKind) -> None:
+        """Keep an endpoint whose type is not known: it may become known."""
+        gid = sample.key.bytes
+        if gid in self._unknown or len(self._unknown) < _MOST_UNKNOWN:
+            self._unknown[gid] = handle, participant, sample, kind
+        else:
+            self._far.warn(
+                f"more than {_MOST_UNKNOWN:,} endpoints of ROS 2 have types that are not known here: "
+                "further ones are left out until they are created again"
+            )
+
     def _endpoint_removed(self, gid: bytes, handle: int) -> None:
         self.gids.pop(handle, None)
         self.handles.pop(gid, None)
         self._unknown.pop(gid, None)
+        self._client_pairs.removed(gid)
         self.marked.discard(handle)
         if (topic := self._topics.pop(gid, None)) is not None:
             del self.publishers[topic][gid]

@@ -2,8 +2,8 @@
 Pure."""
 
 from collections import Counter, deque
-from collections.abc import Iterator, Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Hashable, Iterator, Mapping, Sequence
+from typing import Generic, NamedTuple, TypeVar
 
 from bus.vocabulary import DropReason
 
@@ -13,7 +13,9 @@ _MOST_MESSAGES = 1 << 20
 """A limit for short messages: each takes about 150 bytes besides its CDR."""
 
 Arrived = tuple[bytes, int]
-"""A message in CDR, and its time of publication."""
+"""A message, and its time of publication."""
+
+K = TypeVar("K", bound=Hashable)
 
 
 class _Kept(NamedTuple):
@@ -24,8 +26,8 @@ class _Kept(NamedTuple):
 _NOTHING = _Kept(deque(maxlen=0), Counter())
 
 
-class Early:
-    """Messages by handle of their writer.
+class Early(Generic[K]):
+    """Messages by handle of their writer, or by its GUID.
 
     At most `depth` messages of each writer (None: no limit), and at most `max_bytes` and a million messages
     of all writers. Above that, a new message replaces the oldest one of the same writer.
@@ -35,9 +37,9 @@ class Early:
         self._depth = depth
         self._max_bytes = max_bytes
         self._bytes = self._count = 0
-        self._by_handle: dict[int, _Kept] = {}
+        self._by_handle: dict[K, _Kept] = {}
 
-    def __iter__(self) -> Iterator[int]:
+    def __iter__(self) -> Iterator[K]:
         """The handles of writers with waiting messages."""
         return iter(self._by_handle)
 
@@ -45,7 +47,7 @@ class Early:
         """The number of waiting messages."""
         return self._count
 
-    def put(self, handle: int, one: Arrived) -> bool:
+    def put(self, handle: K, one: Arrived) -> bool:
         """Add a message; returns whether it is the first of its writer."""
         kept = self._by_handle.get(handle)
         is_first = kept is None
@@ -67,7 +69,7 @@ class Early:
             kept.lost[reason] += 1
         return is_first
 
-    def pop(self, handle: int) -> tuple[Sequence[Arrived], Mapping[DropReason, int]]:
+    def pop(self, handle: K) -> tuple[Sequence[Arrived], Mapping[DropReason, int]]:
         """Remove the messages of a writer; returns them in order, and the number of lost ones by reason."""
         messages, lost = self._by_handle.pop(handle, _NOTHING)
         self._bytes -= sum([len(data) for data, _ in messages])

@@ -1,26 +1,32 @@
 """The engine for DDS: shows nodes and topics of this bus in a DDS domain as ROS 2 does, and the reverse.
 
-Owns: the bridge's requests, and one participant for them. The other modules do the separate tasks.
+Owns: the bridge's requests, and two participants for them: one of cyclonedds for topics, one of our own RTPS
+for services. The other modules do the separate tasks.
 """
 
 import asyncio
+import socket
 from collections.abc import Callable, Sequence
 from typing import Final
 
 from bus.base.counted import counted
-from bus.names import request_topic, service_of_topic
+from bus.names import service_of_topic
 from bus.qos import Liveliness
 from bus.schema import MessageSchema
 from bus_bridge.batch import Batch
-from bus_bridge.dds.discovery import ENCLAVE, MARK, NO_SERVICES, Discovery
+from bus_bridge.dds.discovery import Discovery
 from bus_bridge.dds.graph import DomainGraph, NodeEntities
+from bus_bridge.dds.interfaces import LOOPBACK, address_of, check_interface
 from bus_bridge.dds.known_types import KnownType, KnownTypes
-from bus_bridge.dds.names import is_service_of_each_node, topic_to_dds, user_data
+from bus_bridge.dds.names import ENCLAVE, MARK, topic_to_dds, user_data
 from bus_bridge.dds.node_info import NodeInfo
 from bus_bridge.dds.options import DdsOptions
 from bus_bridge.dds.participant import Participant
 from bus_bridge.dds.qos import ReaderKind, kinds_for, of_publisher, of_subscription
 from bus_bridge.dds.reading import FarWay, Intake, Ways
+from bus_bridge.dds.service_types import KnownServices
+from bus_bridge.dds.service_ways import ServiceWays
+from bus_bridge.dds.services import Services
 from bus_bridge.dds.writing import DdsWriter
 from bus_bridge.engine import (
     FarBus,
@@ -74,13 +80,22 @@ class DdsEngine:
         self._far = far
         self._bus = FarBus(self.only_bus)
         # Its threads and sockets take some milliseconds, and no other task runs yet.
-        self._participant = Participant(self._options, user_data({ENCLAVE: "/", **self._mark}))
+        participant = Participant(self._options, user_data({ENCLAVE: "/", **self._mark}))
+        try:
+            self._services = await self._open_services()
+        except BaseException:
+            participant.close()
+            raise
+        self._participant = participant
         self.types = KnownTypes()
+        known = KnownServices()
+        self._known_services = known
+        self._service_ways = ServiceWays(self._services, known, user_data(self._mark), self._show_end)
         self._graph = DomainGraph(self._bus.id)
-        self._discovery = Discovery(self._participant, self._graph, self.types, far, self._discovered)
+        self._discovery = Discovery(participant, self._graph, self.types, known, far, self._discovered)
         self._ways = Ways(self._discovery.marked)
         self._node_info = NodeInfo(
-            self._participant,
+            participant,
             self._options.distro,
             self._mark,
             self._entities,
@@ -114,8 +129,9 @@ class DdsEngine:
         rule: RouteRule,
         on_change: Callable[[], None],
     ) -> Writer:
-        self._refuse_service(endpoint)
         participant = self._joined()
+        if service_of_topic(endpoint.topic) is not None:
+            return self._service_ways.announce_publisher(endpoint, schema, on_change)
         known = self._learn(schema)
         if endpoint.qos.liveliness is Liveliness.MANUAL_BY_TOPIC:
             self._far.warn(
@@ -137,7 +153,9 @@ class DdsEngine:
         return writer
 
     def announce_subscription(self, endpoint: LocalEndpoint, schema: MessageSchema) -> Callable[[], None]:
-        self._refuse_service(endpoint)
+        if service_of_topic(endpoint.topic) is not None:
+            self._joined()
+            return self._service_ways.announce_subscription(endpoint, schema)
         subscription = _Subscription(self, endpoint, self._learn(schema))
         try:
             subscription.adapt(self._far_kinds(endpoint.topic))
@@ -148,7 +166,8 @@ class DdsEngine:
         return lambda: self._withdraw_subscription(subscription)
 
     async def find_schema(self, endpoint: FarEndpoint) -> MessageSchema:
-        return self.types.schema_of(endpoint.type_name, endpoint.type_hash)
+        known = self.types if service_of_topic(endpoint.topic) is None else self._known_services
+        return known.schema_of(endpoint.type_name, endpoint.type_hash)
 
     def read(
         self,
@@ -156,6 +175,8 @@ class DdsEngine:
         schema: MessageSchema,
         on_batch: Callable[[Batch], None],
     ) -> Reader:
+        if service_of_topic(endpoint.topic) is not None:
+            return self._service_ways.read(endpoint, on_batch)
         handle = self._discovery.handles.get(endpoint.gid)
         if handle is None:
             raise BridgeError(f"the publisher of {endpoint.topic} has left DDS domain {self._options.domain}")
@@ -229,6 +250,8 @@ class DdsEngine:
             for writer in list(self._writers):
                 writer.close()
             self._subscriptions.clear()
+            self._service_ways.close()
+            self._services.close()
             participant.leave()
         return participant
 
@@ -251,14 +274,37 @@ class DdsEngine:
     def _far_kinds(self, topic: str) -> set[ReaderKind]:
         return set(self._discovery.publishers.get(topic, {}).values())
 
-    def _refuse_service(self, endpoint: LocalEndpoint) -> None:
-        service = service_of_topic(endpoint.topic)
-        if service is None:
-            return
-        is_server = endpoint.topic == request_topic(service) and endpoint.kind == "subscription"
-        if is_server and not is_service_of_each_node(service):
-            self._far.warn(NO_SERVICES)
-        raise NotCarried(NO_SERVICES)
+    async def _open_services(self) -> Services:
+        """Join the domain by RTPS. Raises BridgeError."""
+        options = self._options
+        peers = []
+        for peer in options.peers:
+            try:
+                found = await asyncio.get_running_loop().getaddrinfo(peer, None, family=socket.AF_INET)
+            except OSError as error:
+                self._far.warn(f"services of ROS 2 on {peer} are not reached: {error.strerror}")
+            else:
+                peers.append(found[0][4][0])
+        if options.interface:
+            check_interface(options.interface)
+        return Services(
+            options.domain,
+            self._far.warn,
+            lambda guid: self._service_ways.endpoint_gone(guid),
+            host=LOOPBACK if options.is_local else address_of(options.interface),
+            peers=tuple(map(str, peers)),
+            user_data=user_data({ENCLAVE: "/", **self._mark}),
+        )
+
+    def _show_end(self, node: LocalNode, guids: tuple[bytes, bytes], is_there: bool) -> None:
+        """List the reader and the writer of a service of ours under its node, or no longer."""
+        if is_there:
+            known = self._node_of(node)
+            known.readers[guids[0]] = known.writers[guids[1]] = None
+        elif (gone := self._nodes.get(node.id)) is not None:
+            gone.readers.pop(guids[0], None)
+            gone.writers.pop(guids[1], None)
+        self._say_nodes()
 
     def _learn(self, schema: MessageSchema) -> KnownType:
         known = self.types.learn(schema)

@@ -8,11 +8,15 @@ import struct
 
 from bus_bridge.errors import BridgeError
 
-__all__ = ["check_interface", "is_address"]
+__all__ = ["LOOPBACK", "address_of", "check_interface", "is_address"]
+
+LOOPBACK = "127.0.0.1"
 
 _GET_FLAGS = 0x8913  # SIOCGIFFLAGS
 _GET_ADDRESS = 0x8915  # SIOCGIFADDR
 _IS_UP = 1
+_ADDRESS_AT = 20
+"""Where the answer has the address: after the name, the family and the port."""
 
 
 def is_address(text: str) -> bool:
@@ -43,7 +47,7 @@ def check_interface(interface: str) -> None:
             + ", ".join(sorted(names))
         )
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        request = struct.pack("16s240x", interface.encode())
+        request = _request(interface)
         flags = struct.unpack_from("H", fcntl.ioctl(probe, _GET_FLAGS, request), 16)[0]
         if not flags & _IS_UP:
             raise BridgeError(f"--interface {interface}: that network interface is down")
@@ -53,3 +57,23 @@ def check_interface(interface: str) -> None:
             raise BridgeError(
                 f"--interface {interface}: that network interface has no IPv4 address"
             ) from None
+
+
+def address_of(interface: str) -> str:
+    """The IPv4 address of an interface that `check_interface` has checked. Raises BridgeError without one."""
+    if is_address(interface):
+        if ":" in interface:
+            raise BridgeError(f"--interface {interface}: services of ROS 2 need an IPv4 address")
+        return interface
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            found = fcntl.ioctl(probe, _GET_ADDRESS, _request(interface))
+        except OSError:
+            raise BridgeError(
+                f"--interface {interface}: that network interface has no IPv4 address"
+            ) from None
+    return socket.inet_ntoa(found[_ADDRESS_AT : _ADDRESS_AT + 4])
+
+
+def _request(interface: str) -> bytes:
+    return struct.pack("16s240x", interface.encode())

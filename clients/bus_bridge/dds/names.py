@@ -5,16 +5,18 @@ Owns: the conversion in both directions. Must not know: which names the bus allo
 
 import re
 from collections.abc import Mapping
-from typing import Final, Literal
+from typing import Final, Literal, NamedTuple
 
 __all__ = [
+    "ENCLAVE",
     "GRAPH_TOPIC",
     "GRAPH_TYPE_HASH",
+    "MARK",
+    "ServicePart",
     "TopicKind",
     "bare_node_name",
-    "is_service_of_each_node",
     "kind_of",
-    "service_from_dds",
+    "service_part_from_dds",
     "service_to_dds",
     "service_types_to_dds",
     "topic_from_dds",
@@ -27,22 +29,16 @@ __all__ = [
 
 TopicKind = Literal["topic", "service", "graph", "other"]
 
+MARK: Final = "busd"
+"""The key in USER_DATA by which busds recognize each other's endpoints."""
+ENCLAVE: Final = "enclave"
+"""The key in USER_DATA that each participant of ROS 2 has."""
+
 GRAPH_TOPIC: Final = "ros_discovery_info"
 GRAPH_TYPE_HASH: Final = "RIHS01_91a0593bacdcc50ea9bdcf849a938b128412cc1ea821245c663bcd26f83c295e"
 
 _SERVICE: Final = re.compile(r"r(?:q|r)(/.+?)(?:Request|Reply)", re.DOTALL)
 _TYPE: Final = re.compile(r"(\w+)::(msg|srv|action)::dds_::(\w+)_", re.ASCII)
-_OF_EACH_NODE: Final = frozenset(
-    (
-        "describe_parameters",
-        "get_parameter_types",
-        "get_parameters",
-        "get_type_description",
-        "list_parameters",
-        "set_parameters",
-        "set_parameters_atomically",
-    )
-)
 
 
 def kind_of(dds_topic: str) -> TopicKind:
@@ -64,10 +60,24 @@ def topic_from_dds(dds_topic: str) -> str | None:
     return dds_topic[2:] if dds_topic.startswith("rt/") else None
 
 
-def service_from_dds(dds_topic: str) -> str | None:
-    """Convert `rq/sRequest` and `rr/sReply` to `/s`; None if it is not a topic of a service of ROS 2."""
-    found = _SERVICE.fullmatch(dds_topic)
-    return found[1] if found else None
+class ServicePart(NamedTuple):
+    """The requests or the answers of a service."""
+
+    service: str
+    type_name: str
+    """`std_srvs/srv/Trigger`"""
+    is_request: bool
+
+
+def service_part_from_dds(dds_topic: str, dds_type: str) -> ServicePart | None:
+    """Convert `rq/sRequest`, or `rr/sReply`, with its type; None if it is not a topic of a service of
+    ROS 2."""
+    found, type_name = _SERVICE.fullmatch(dds_topic), type_from_dds(dds_type)
+    if found is None or type_name is None:
+        return None
+    is_request = dds_topic.startswith("rq")
+    bare = type_name.removesuffix("_Request" if is_request else "_Response")
+    return None if bare == type_name else ServicePart(found[1], bare, is_request)
 
 
 def service_to_dds(service: str) -> tuple[str, str]:
@@ -78,11 +88,6 @@ def service_to_dds(service: str) -> tuple[str, str]:
 def service_types_to_dds(type_name: str) -> tuple[str, str]:
     """Convert `std_srvs/srv/Trigger` to the types of its requests and of its answers."""
     return type_to_dds(f"{type_name}_Request"), type_to_dds(f"{type_name}_Response")
-
-
-def is_service_of_each_node(service: str) -> bool:
-    """Whether all nodes have this service automatically: parameters, and descriptions of types."""
-    return service.rpartition("/")[2] in _OF_EACH_NODE
 
 
 def type_to_dds(type_name: str) -> str:

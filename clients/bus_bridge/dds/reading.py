@@ -95,7 +95,7 @@ class Intake:
         self._is_hushed = False
         """Whether it is polled in each turn of the loop, and DDS does not call back."""
         self._holds = 0
-        self._early = (
+        self._early: Early[int] = (
             Early(None, _EARLY_BYTES_OF_ALL) if policies.keep_all else Early(known.depth, _EARLY_BYTES)
         )
         """Messages that arrived before a reader was chosen for them."""

@@ -1,8 +1,9 @@
 """Calls between this bus and ROS 2, in both directions: each has one end.
 
 Owns: which call of one side belongs to which of the other one, until its end. The bus is two functions: one
-that takes the messages of a topic of requests or replies, and `publish` for the other topic. Must not know:
-nodes, endpoints of the bus, rules.
+that takes the messages of a topic of requests or replies, and `publish` for the other topic. `publish` gets
+the GUID of the far endpoint that a message comes from, and the message. Must not know: nodes, endpoints of
+the bus, rules.
 
 Each call ends once: with an answer, or with an error. ROS 2 has no errors of services: its clients wait as
 long as they want.
@@ -17,19 +18,23 @@ from bus_bridge.dds.service_types import Call, ServiceTypes
 from bus_bridge.dds.services import NoServer, Services
 from bus_bridge.errors import BridgeError
 
-__all__ = ["CallsFromRos", "CallsToRos"]
+__all__ = ["CallsFromRos", "CallsToRos", "Publish"]
+
+Publish = Callable[[bytes, bytes], object]
 
 _MOST_CALLS: Final = 10_000
 _MOST_TASKS: Final = 1000
+_FEEDBACK_FIRST_S: Final = 0.02
+"""By this time the result of a goal is sent later. The last feedback goes by cyclonedds, and must not come
+after it: then the client would drop it."""
 _PATIENCE_S: Final = 10.0
 """How long a call waits for a server that has just come, or comes back."""
 
 
 class CallsFromRos:
-    """A server of this bus, offered to ROS 2's clients.
+    """A server of this bus, offered to ROS 2's clients. `publish` takes messages of the topic of requests.
 
-    `client`: the gid of the publisher that `publish` belongs to. `publish` takes messages of the topic of
-    requests. `warn` is called with texts for the user.
+    On the bus, the client of a call has the GUID of the far client's writer.
     """
 
     def __init__(
@@ -37,19 +42,18 @@ class CallsFromRos:
         services: Services,
         service: str,
         types: ServiceTypes,
-        client: bytes,
-        publish: Callable[[bytes], object],
+        publish: Publish,
         user_data: bytes = b"",
     ) -> None:
         self.failed = 0
         """Calls that get no answer: the server here answered with an error, or did not know them."""
         self._services = services
         self._service = service
+        self._result_pause_s = _result_pause_s(service)
         self._types = types
-        self._client = client
         self._publish = publish
         self._last = 0
-        self._calls: dict[int, RequestId] = {}
+        self._calls: dict[tuple[bytes, int], RequestId] = {}
         self.server = services.serve(service, types.type_name, self._request, user_data)
 
     @property
@@ -58,42 +62,40 @@ class CallsFromRos:
         return len(self._calls)
 
     def reply(self, payload: bytes) -> None:
-        """Take a message of the topic of replies. Messages for other clients are ignored.
+        """Take a message of the topic of replies. Messages for clients of this bus are ignored.
 
         Raises BridgeError if it is not an answer of this service.
         """
         answer = self._types.read_reply(payload)
-        if answer.client != self._client:
-            return
-        request = self._calls.pop(answer.number, None)
+        request = self._calls.pop((answer.client, answer.number), None)
         if request is None:
             return
         if answer.cdr is not None:
-            self.server.answer(request, answer.cdr)
+            if self._result_pause_s:
+                loop = asyncio.get_running_loop()
+                loop.call_later(self._result_pause_s, self.server.answer, request, answer.cdr)
+            else:
+                self.server.answer(request, answer.cdr)
             return
         self._fail(request, answer.error or "its server does not know the call any more")
 
-    def server_gone(self) -> None:
-        """The server here has gone: its calls get no answer."""
+    def close(self) -> None:
+        """Withdraw the service from ROS 2: its calls get no answer."""
         while self._calls:
             self._fail(self._calls.popitem()[1], "its server has gone")
-
-    def close(self) -> None:
-        """Withdraw the service from ROS 2."""
-        self._calls.clear()
         self.server.close()
 
     def _request(self, request: RequestId, cdr: bytes) -> None:
         self._last += 1
         try:
-            payload = self._types.write_request(self._client, self._last, cdr)
+            payload = self._types.write_request(request.writer, self._last, cdr)
         except BridgeError as error:
             self._fail(request, str(error))
             return
         if len(self._calls) >= _MOST_CALLS:
             self._fail(self._calls.pop(next(iter(self._calls))), "too many later calls have no answer either")
-        self._calls[self._last] = request
-        self._publish(payload)
+        self._calls[request.writer, self._last] = request
+        self._publish(request.writer, payload)
 
     def _fail(self, request: RequestId, why: str) -> None:
         self.failed += 1
@@ -102,19 +104,23 @@ class CallsFromRos:
 
 
 class CallsToRos:
-    """A server of ROS 2, offered to clients of this bus. `publish` takes messages of the topic of replies."""
+    """A client of this bus, in ROS 2. `publish` takes messages of the topic of replies.
+
+    If a message comes from no far server, because it says why there is no answer, its GUID is empty.
+    """
 
     def __init__(
         self,
         services: Services,
         service: str,
         types: ServiceTypes,
-        publish: Callable[[bytes], object],
+        publish: Publish,
         user_data: bytes = b"",
     ) -> None:
         self.failed = 0
         """Calls that were answered with an error."""
         self._service = service
+        self._result_pause_s = _result_pause_s(service)
         self._types = types
         self._publish = publish
         self._tasks: dict[tuple[bytes, int], asyncio.Task[None]] = {}
@@ -133,19 +139,13 @@ class CallsToRos:
         if key in self._tasks:
             return  # it was sent once more, or its client asks: the answer comes
         if call.cdr is None:
-            self._publish(self._types.write_denial(*key))
+            self._publish(b"", self._types.write_denial(*key))
         elif len(self._tasks) >= _MOST_TASKS:
             self._fail(call, f"{_MOST_TASKS} calls of {self._service} wait for an answer, which is the limit")
         else:
             task = asyncio.get_running_loop().create_task(self._run(call, call.cdr))
             self._tasks[key] = task
             task.add_done_callback(lambda done: self._forget(key, done))
-
-    def client_gone(self, client: bytes) -> None:
-        """A client here has gone: its calls are given up."""
-        for key, task in list(self._tasks.items()):
-            if key[0] == client:
-                task.cancel()
 
     def close(self) -> None:
         """End the client in ROS 2. Calls without an answer are given up."""
@@ -165,20 +165,25 @@ class CallsToRos:
             return
         try:
             answer = await self.client.call(cdr)
-            reply = self._types.write_reply(call.client, call.number, answer)
+            await asyncio.sleep(self._result_pause_s)
+            reply = self._types.write_reply(call.client, call.number, answer.cdr)
         except BridgeError as error:
             self._fail(call, str(error))
             return
-        self._end(call, reply)
+        self._end(call, answer.writer, reply)
 
     def _fail(self, call: Call, why: str) -> None:
         self.failed += 1
-        self._end(call, self._types.write_error(call.client, call.number, why))
+        self._end(call, b"", self._types.write_error(call.client, call.number, why))
 
-    def _end(self, call: Call, reply: bytes) -> None:
+    def _end(self, call: Call, server: bytes, reply: bytes) -> None:
         self._tasks.pop((call.client, call.number), None)
-        self._publish(reply)
+        self._publish(server, reply)
 
     def _forget(self, key: tuple[bytes, int], task: asyncio.Task[None]) -> None:
         if self._tasks.get(key) is task:
             del self._tasks[key]
+
+
+def _result_pause_s(service: str) -> float:
+    return _FEEDBACK_FIRST_S if service.endswith("/_action/get_result") else 0.0

@@ -16,7 +16,7 @@ from bus.types.service import GID_BYTES, message_of, service_support
 from bus_bridge.errors import BridgeError
 from bus_ros.cdr import CdrError, Codec, codec_of
 
-__all__ = ["Answer", "Call", "ServiceTypes"]
+__all__ = ["Answer", "Call", "KnownServices", "ServiceTypes"]
 
 _NIL: Final = b"\xc0"
 _MOST_TEXT: Final = 2000
@@ -133,6 +133,33 @@ class ServiceTypes:
     def write_denial(self, client: bytes, number: int) -> bytes:
         """The message that no server works on a call."""
         return _pack(_Reply(client, number, "", Raw(_NIL)))
+
+
+class KnownServices:
+    """The types of services that are known so far, by name: of this bus, or found by their definition."""
+
+    def __init__(self) -> None:
+        self._by_name: dict[str, ServiceTypes] = {}
+        self._by_schema: dict[tuple[str, str], MessageSchema] = {}
+
+    def learn(self, types: ServiceTypes) -> None:
+        """Add the types of a service of this bus. The first one of a name counts for ROS 2's services."""
+        self._by_name.setdefault(types.type_name, types)
+        for schema in (types.requests, types.replies):
+            self._by_schema[schema.type_name, schema.type_hash] = schema
+
+    def find(self, type_name: str) -> ServiceTypes:
+        """The types of a service of ROS 2. Raises BridgeError if they are not known."""
+        if (found := self._by_name.get(type_name)) is None:
+            found = ServiceTypes.find(type_name)
+            self.learn(found)
+        return found
+
+    def schema_of(self, type_name: str, type_hash: str) -> MessageSchema:
+        """The schema of requests or replies by its name on the bus. Raises BridgeError if it is not known."""
+        if (schema := self._by_schema.get((type_name, type_hash))) is None:
+            raise BridgeError(f"{type_name} is not known here")
+        return schema
 
 
 def _codec_in(envelope: MessageSchema) -> Codec:

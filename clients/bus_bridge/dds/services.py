@@ -11,14 +11,16 @@ import asyncio
 from collections.abc import Callable
 from typing import Final, NamedTuple
 
-from bus_bridge.dds.names import service_to_dds, service_types_to_dds
+from bus_bridge.dds.names import MARK, service_to_dds, service_types_to_dds, user_data_of
 from bus_bridge.dds.service_identity import (
     RequestId,
+    Sample,
     read_answer,
     read_request,
     write_answer,
     write_request,
 )
+from bus_bridge.dds.turns import Turns
 from bus_bridge.errors import BridgeError
 from bus_bridge.rtps.announcements import EndpointData
 from bus_bridge.rtps.ids import PREFIX_BYTES
@@ -26,16 +28,30 @@ from bus_bridge.rtps.parameters import RtpsError
 from bus_bridge.rtps.reader import Arrived
 from bus_bridge.rtps.running import RunningParticipant
 
-__all__ = ["NoServer", "ServiceClient", "ServiceServer", "Services"]
+__all__ = ["NoServer", "Response", "ServiceClient", "ServiceServer", "Services"]
 
+_REQUESTS, _REPLIES = "rq/", "rr/"
 _MOST_CALLS: Final = 10_000
 """Calls without an answer, of one client or to one server."""
+_MOST_EARLY: Final = 100
+"""Clients with answers that wait for their reader's announcement, and such answers of one client."""
+_AT_ONCE: Final = 8
+"""Above this number of open calls of a client, further ones wait for their turn. A server of ROS 2 keeps ten
+requests that it has not taken yet, and forgets the oldest ones without a word."""
 _POLL_S: Final = 0.01
 _LONGEST_POLL_S: Final = 0.2
 
 
 class NoServer(BridgeError):
     """A call that gets no answer: its server has gone."""
+
+
+class Response(NamedTuple):
+    """The answer to a call."""
+
+    cdr: bytes
+    writer: bytes
+    """The GUID of the far writer that it came from."""
 
 
 class _Topics(NamedTuple):
@@ -48,20 +64,23 @@ class _Topics(NamedTuple):
 class Services:
     """All our servers and clients in one DDS domain. Use it on its event loop only.
 
-    `warn` is called with texts for the user; a text may come again. Raises BridgeError like
-    RunningParticipant.
+    Endpoints of other busds are not used: they have a mark in USER_DATA. `warn` is called with texts for the
+    user; a text may come again. `on_gone` is called with the GUID of each far endpoint that has gone. Raises
+    BridgeError like RunningParticipant.
     """
 
     def __init__(
         self,
         domain: int,
         warn: Callable[[str], None],
+        on_gone: Callable[[bytes], object] = lambda guid: None,
         *,
         host: str = "127.0.0.1",
         peers: tuple[str, ...] = (),
         user_data: bytes = b"enclave=/;",
     ) -> None:
         self.warn = warn
+        self._on_gone = on_gone
         self._clients: set[ServiceClient] = set()
         self._servers: set[ServiceServer] = set()
         self._vendors: dict[bytes, bytes] = {}
@@ -111,6 +130,13 @@ class Services:
 
     def endpoint_added(self, endpoint: EndpointData, vendor: bytes) -> None:
         self._vendors[endpoint.guid] = vendor
+        if endpoint.kind == "reader" and endpoint.topic.startswith(_REPLIES):
+            asyncio.get_running_loop().call_soon(self._reader_added, endpoint.guid)
+
+    def _reader_added(self, guid: bytes) -> None:
+        """A reader of answers was announced, and is matched now."""
+        for server in list(self._servers):
+            server.reader_matched(guid)
 
     def endpoint_removed(self, endpoint: EndpointData) -> None:
         self._vendors.pop(endpoint.guid, None)
@@ -118,6 +144,7 @@ class Services:
             client.endpoint_removed(endpoint.guid)
         for server in list(self._servers):
             server.endpoint_removed(endpoint.guid)
+        self._on_gone(endpoint.guid)
 
 
 class ServiceServer:
@@ -138,6 +165,8 @@ class ServiceServer:
         self._participant = services.participant
         self._on_request = on_request
         self._open: dict[RequestId, None] = {}
+        self._unmatched: dict[bytes, list[Sample]] = {}
+        """Answers for readers that have not been announced yet, by GUID of the reader."""
         # The writer of answers first: a client that sees the reader may ask at once.
         self._writer = self._participant.add_writer(topics.replies, topics.response_type, user_data=user_data)
         self._reader = self._participant.add_reader(
@@ -160,9 +189,11 @@ class ServiceServer:
         if self._is_closed or request not in self._open:
             return False
         del self._open[request]
-        sample = write_answer(request, cdr)
-        to = request.reader if request.reader in self._writer.matched else None
-        self._participant.write(self._writer, sample.payload, inline=sample.inline, to=to)
+        sample, reader = write_answer(request, cdr), request.reader
+        if reader and reader not in self._writer.matched:
+            self._keep(reader, sample)
+        else:
+            self._write(reader or None, sample)
         return True
 
     def drop(self, request: RequestId) -> None:
@@ -174,14 +205,33 @@ class ServiceServer:
         if not self._is_closed:
             self._is_closed = True
             self._open.clear()
+            self._unmatched.clear()
             self._participant.remove(self._reader)
             self._participant.remove(self._writer)
             self._services.forget(self)
 
     def endpoint_removed(self, guid: bytes) -> None:
         """A client has gone: nothing waits for its answers any more."""
+        self._unmatched.pop(guid, None)
         for request in [one for one in self._open if guid in (one.writer, one.client)]:
             del self._open[request]
+
+    def reader_matched(self, guid: bytes) -> None:
+        """A client's reader may be matched now: send the answers that wait for it."""
+        if guid in self._unmatched and guid in self._writer.matched:
+            for sample in self._unmatched.pop(guid):
+                self._write(guid, sample)
+
+    def _keep(self, reader: bytes, sample: Sample) -> None:
+        """Keep an answer until its reader is announced: the announcement may be slower than the request."""
+        kept = self._unmatched.setdefault(reader, [])
+        if len(kept) < _MOST_EARLY:
+            kept.append(sample)
+        if len(self._unmatched) > _MOST_EARLY:
+            del self._unmatched[next(iter(self._unmatched))]
+
+    def _write(self, reader: bytes | None, sample: Sample) -> None:
+        self._participant.write(self._writer, sample.payload, inline=sample.inline, to=reader)
 
     def _arrived(self, arrived: Arrived) -> None:
         try:
@@ -213,12 +263,13 @@ class ServiceClient:
         """Answers to calls that were given up, or had an answer."""
         self._services = services
         self._participant = services.participant
-        self._calls: dict[int, tuple[asyncio.Future[bytes], _Server]] = {}
+        self._calls: dict[int, tuple[asyncio.Future[Response], _Server]] = {}
         self._reader = self._participant.add_reader(
             topics.replies, topics.response_type, self._arrived, user_data=user_data
         )
         self._writer = self._participant.add_writer(topics.requests, topics.request_type, user_data=user_data)
         self._name = topics.requests
+        self._turns = Turns()
         self._is_closed = False
 
     @property
@@ -229,7 +280,7 @@ class ServiceClient:
     @property
     def waiting(self) -> int:
         """The number of calls without an answer."""
-        return len(self._calls)
+        return len(self._calls) + len(self._turns)
 
     @property
     def is_ready(self) -> bool:
@@ -246,17 +297,19 @@ class ServiceClient:
             await asyncio.sleep(pause_s)
             pause_s = min(1.5 * pause_s, _LONGEST_POLL_S)
 
-    async def call(self, cdr: bytes) -> bytes:
-        """Make a call; returns the CDR of the answer. There is no time limit.
+    async def call(self, cdr: bytes) -> Response:
+        """Make a call. There is no time limit.
 
         Raises NoServer if there is no server, or if it goes before it has answered, BridgeError for too
         many calls at once. Cancellation gives the call up: its answer counts as late.
         """
+        if self.waiting >= _MOST_CALLS:
+            raise BridgeError(f"{_MOST_CALLS} calls of {self._name} wait for an answer, which is the limit")
+        if len(self._calls) >= _AT_ONCE or self._turns:
+            await self._turns.wait()
         server = None if self._is_closed else self._find_server()
         if server is None:
             raise NoServer(f"no server of {self._name}")
-        if len(self._calls) >= _MOST_CALLS:
-            raise BridgeError(f"{_MOST_CALLS} calls of {self._name} wait for an answer, which is the limit")
         assert self._writer.writer is not None
         number = self._writer.writer.last + 1
         vendor = self._services.vendor_of(server.reader)
@@ -265,9 +318,10 @@ class ServiceClient:
         self._calls[number] = future, server
         try:
             self._participant.write(self._writer, sample.payload, inline=sample.inline, to=server.reader)
-            answer: bytes = await future
+            answer: Response = await future
         finally:
             self._calls.pop(number, None)
+            self._turns.next()
         return answer
 
     def close(self) -> None:
@@ -275,6 +329,7 @@ class ServiceClient:
         if not self._is_closed:
             self._is_closed = True
             self._fail(list(self._calls), "the client is closed")
+            self._turns.end()
             self._participant.remove(self._writer)
             self._participant.remove(self._reader)
             self._services.forget(self)
@@ -283,6 +338,8 @@ class ServiceClient:
         """A server may have gone: calls to it get no answer."""
         gone = [number for number, (_, server) in self._calls.items() if guid in server]
         self._fail(gone, "its server has gone")
+        if gone and not self.is_ready:
+            self._turns.end()
 
     def _fail(self, numbers: list[int], why: str) -> None:
         for number in numbers:
@@ -314,12 +371,12 @@ class ServiceClient:
         if future is None or server is None or arrived.writer != server.writer or future.done():
             self.late += 1
             return
-        future.set_result(cdr)
+        future.set_result(Response(cdr, arrived.writer))
 
 
 def _topics(service: str, type_name: str) -> _Topics:
     return _Topics(*service_to_dds(service), *service_types_to_dds(type_name))
 
 
-def _is_of_service(topic: str) -> bool:
-    return topic.startswith(("rq/", "rr/"))
+def _is_of_service(endpoint: EndpointData) -> bool:
+    return endpoint.topic.startswith((_REQUESTS, _REPLIES)) and MARK not in user_data_of(endpoint.user_data)

@@ -5,7 +5,7 @@ know: sockets and clocks. Datagrams come in by `receive`, and leave by `transmit
 `due_ns`.
 
 An announcement of a participant is sent again and again. Announcements of endpoints are samples of two
-reliable writers that each participant has. Other topics than the wanted ones are not kept.
+reliable writers that each participant has. Other endpoints than the wanted ones are not kept.
 """
 
 import heapq
@@ -91,7 +91,7 @@ class Settings(NamedTuple):
 
 
 class Events(Protocol):
-    """The receiver of news about wanted topics. Its methods must not raise."""
+    """The receiver of news about wanted endpoints. Its methods must not raise."""
 
     def endpoint_added(self, endpoint: EndpointData, vendor: bytes) -> None: ...
     def endpoint_removed(self, endpoint: EndpointData) -> None: ...
@@ -119,14 +119,14 @@ class Local:
 
 
 class Participant:
-    """One participant. `is_wanted` says of which topics far endpoints are kept and reported."""
+    """One participant. `is_wanted` says which far endpoints are kept and reported."""
 
     def __init__(
         self,
         settings: Settings,
         transmit: Callable[[Address, bytes], None],
         events: Events,
-        is_wanted: Callable[[str], bool],
+        is_wanted: Callable[[EndpointData], bool],
     ) -> None:
         self.prefix = settings.prefix
         self.far = FarParticipants(settings.bounds)
@@ -459,7 +459,7 @@ class Participant:
             far.refused_endpoints += 1
             self._events.warn(f"an endpoint at {far.source[0]} is ignored: {error}")
             return
-        if not self._is_wanted(endpoint.topic) or self.far.find_endpoint(endpoint.guid) == endpoint:
+        if not self._is_wanted(endpoint) or self.far.find_endpoint(endpoint.guid) == endpoint:
             return
         self._forget_endpoint(endpoint.guid)
         if not self.far.add_endpoint(endpoint):

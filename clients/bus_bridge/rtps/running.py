@@ -36,7 +36,7 @@ class RunningParticipant:
         self,
         domain: int,
         events: Events,
-        is_wanted: Callable[[str], bool],
+        is_wanted: Callable[[EndpointData], bool],
         *,
         host: str = "127.0.0.1",
         peers: tuple[str, ...] = (),

@@ -16,8 +16,10 @@ from zlib import crc32
 
 import rclpy
 from orders import serve, tell
+from rclpy.action import ActionClient, ActionServer, CancelResponse
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.duration import Duration
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 _LONG = 100
@@ -154,6 +156,77 @@ class Peer:
             done.acquire(timeout=max(end - time.monotonic(), 0))
         return [as_values(future.result()) if future.done() else None for future in futures]
 
+    def serve_action(self, action: str, type_name: str, feedbacks: int = 2, pause_s: float = 0.0) -> None:
+        """Make an action server for Fibonacci, in a separate node: feedbacks with pauses, then the result."""
+        cls = class_of(type_name)
+
+        def execute(goal: Any) -> Any:
+            for number in range(feedbacks):
+                if goal.is_cancel_requested:
+                    goal.canceled()
+                    return cls.Result(sequence=[-1])
+                goal.publish_feedback(cls.Feedback(sequence=[number]))
+                threading.Event().wait(pause_s)
+            goal.succeed()
+            return cls.Result(sequence=[*range(goal.request.order)])
+
+        node = rclpy.create_node(f"{self.node.get_name()}_actions")
+        self._services[action] = ActionServer(
+            node,
+            cls,
+            action,
+            execute,
+            cancel_callback=lambda goal: CancelResponse.ACCEPT,
+            callback_group=ReentrantCallbackGroup(),
+        )
+        executor = MultiThreadedExecutor(3)
+        executor.add_node(node)
+        threading.Thread(target=executor.spin, daemon=True).start()
+
+    def send_goal(
+        self, action: str, type_name: str, size: int, cancel_after: int = 0, time_s: float = 20.0
+    ) -> Any:
+        """Send a goal of Fibonacci, once its server is there; cancel it after so many feedbacks.
+
+        Returns its status, its result and the feedbacks.
+        """
+        cls = class_of(type_name)
+        if action not in self._clients:
+            self._clients[action] = ActionClient(self.node, cls, action)
+        client = self._clients[action]
+        if not client.wait_for_server(time_s):
+            return "no server"
+        feedbacks: list[Any] = []
+        goals: list[Any] = []
+        ends: list[Any] = []
+        has_ended = threading.Event()
+
+        def cancel() -> None:
+            # Feedback may come before the answer that the goal was accepted.
+            if cancel_after and goals and len(feedbacks) >= cancel_after:
+                goals[0].cancel_goal_async()
+
+        def on_feedback(message: Any) -> None:
+            feedbacks.append(list(message.feedback.sequence))
+            cancel()
+
+        def on_accepted(future: Any) -> None:
+            goals.append(future.result())
+            if goals[0].accepted:
+                goals[0].get_result_async().add_done_callback(on_end)
+                cancel()
+            else:
+                has_ended.set()
+
+        def on_end(future: Any) -> None:
+            ends.append(future.result())
+            has_ended.set()
+
+        client.send_goal_async(cls.Goal(order=size), on_feedback).add_done_callback(on_accepted)
+        if not has_ended.wait(time_s):
+            return "no end"
+        return [ends[0].status, list(ends[0].result.sequence), feedbacks] if ends else "rejected"
+
     def has_server(self, service: str, type_name: str) -> bool:
         """Whether a client of it is matched with a server."""
         if service not in self._clients:
@@ -210,6 +283,16 @@ class Peer:
             for one in found
         ]
 
+    def services(self, name: str = "", namespace: str = "/") -> dict[str, list[str]]:
+        """Names and types, as `ros2 service list -t` has them; with a name, those of that node."""
+        node = self.node
+        found = (
+            node.get_service_names_and_types_by_node(name, namespace)
+            if name
+            else node.get_service_names_and_types()
+        )
+        return dict(found)
+
     def of_node(self, name: str, namespace: str = "/") -> list[dict[str, list[str]]]:
         """Topics that a node publishes, and those it subscribes to."""
         return [
@@ -228,6 +311,9 @@ def main() -> None:
         "stop",
         "offer",
         "call",
+        "serve_action",
+        "send_goal",
+        "services",
         "has_server",
         "end",
         "matched",

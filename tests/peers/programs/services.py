@@ -55,7 +55,7 @@ class Peer:
         async def call() -> list[str]:
             calls = [self._clients[service].call(bytes.fromhex(request)) for _ in range(count)]
             answers = await asyncio.wait_for(asyncio.gather(*calls), time_s)
-            return [one.hex() for one in answers]
+            return [one.cdr.hex() for one in answers]
 
         return list(self._run(call()))
 

@@ -119,7 +119,7 @@ def test_everything_can_be_set(file: Path) -> None:
         ),
         (
             "[[bridge.zenoh.topics]]\npattern = '/a'\ndirection = 'inn'",
-            "bridge.zenoh.topics[0].direction = 'inn': expected one of both, out, in",
+            "bridge.zenoh.topics[0].direction = 'inn': expected one of both, out, in, none",
         ),
         (
             "[[bridge.zenoh.topics]]\npattern = '/a'\n[[bridge.zenoh.topics]]\npattern = '/b'\ndepth = 0",

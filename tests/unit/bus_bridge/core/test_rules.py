@@ -1,7 +1,7 @@
 import pytest
 
 from bus.errors import ConfigurationError
-from bus_bridge.core.rules import Direction, Rules, TopicRule, subject_of
+from bus_bridge.core.rules import Direction, Kind, Rules, TopicRule, kind_of, subject_of
 from bus_bridge.engine import RouteRule
 from rows import for_each
 
@@ -122,3 +122,36 @@ def test_names_that_never_come_again_are_forgotten() -> None:
 def test_patterns_that_can_never_match(rules: dict[str, object], text: str) -> None:
     with pytest.raises(ConfigurationError, match=text.replace("*", r"\*")):
         Rules(**rules)  # type: ignore[arg-type]
+
+
+KINDS: dict[str, Kind] = {
+    "/chatter": "topics",
+    "/add/_request": "services",
+    "/node/get_type_description/_reply": "services",
+    "/fibonacci/_action/feedback": "actions",
+    "/fibonacci/_action/get_result/_reply": "actions",
+    "/node/set_parameters/_request": "parameters",
+    "/node/list_parameters/_reply": "parameters",
+}
+
+
+@for_each("topic, kind", [*KINDS.items()])
+def test_kinds(topic: str, kind: Kind) -> None:
+    assert kind_of(topic) == kind
+
+
+@for_each("kind", [*dict.fromkeys(KINDS.values())])
+def test_rules_of_a_kind(kind: Kind) -> None:
+    rules = Rules(topics=[TopicRule(pattern="/**", kind=kind, direction="none", depth=7)])
+    for topic, its_kind in KINDS.items():
+        crossing = rules.crossing(topic)
+        is_free = its_kind != kind
+        assert (crossing.goes_out, crossing.comes_in) == (is_free, is_free)
+        assert crossing.rule.depth == (None if is_free else 7)
+
+
+def test_parameters_of_one_side_only() -> None:
+    rules = Rules(topics=[TopicRule(pattern="/**", kind="parameters", direction="in")])
+    requests, replies = (rules.crossing(f"/node/set_parameters/_{end}") for end in ("request", "reply"))
+    assert (requests.goes_out, requests.comes_in) == (True, False)
+    assert (replies.goes_out, replies.comes_in) == (False, True)

@@ -27,7 +27,7 @@ async def test_endpoints_of_unknown_types_are_bounded(monkeypatch: pytest.Monkey
     monkeypatch.setattr(module, "user_data_in", lambda qos: b"")
     types, far = Mock(), Mock()
     types.find.side_effect = BridgeError("no definition")
-    discovery = Discovery(Mock(), Mock(), types, far, lambda: None)
+    discovery = Discovery(Mock(), Mock(), types, Mock(), far, lambda: None)
     monkeypatch.setattr(discovery, "_report", lambda news: None)
     came = [sample() for _ in range(8)]
     for handle, one in enumerate(came):

@@ -3,22 +3,21 @@ from rows import for_each
 
 
 @for_each(
-    "dds, kind, topic, service",
+    "dds, kind, topic",
     [
-        ("rt/a/b", "topic", "/a/b", None),
-        ("rt/_hidden", "topic", "/_hidden", None),
-        ("rq/sRequest", "service", None, "/s"),
-        ("rr/a/sReply", "service", None, "/a/s"),
-        ("rq/s", "other", None, None),
-        ("ros_discovery_info", "graph", None, None),
-        ("Square", "other", None, None),
-        ("", "other", None, None),
+        ("rt/a/b", "topic", "/a/b"),
+        ("rt/_hidden", "topic", "/_hidden"),
+        ("rq/sRequest", "service", None),
+        ("rr/a/sReply", "service", None),
+        ("rq/s", "other", None),
+        ("ros_discovery_info", "graph", None),
+        ("Square", "other", None),
+        ("", "other", None),
     ],
 )
-def test_topics(dds: str, kind: str, topic: str | None, service: str | None) -> None:
+def test_topics(dds: str, kind: str, topic: str | None) -> None:
     assert names.kind_of(dds) == kind
     assert names.topic_from_dds(dds) == topic
-    assert names.service_from_dds(dds) == service
     if topic is not None:
         assert names.topic_to_dds(topic) == dds
 
@@ -63,13 +62,6 @@ def test_user_data_is_read_as_it_was_written() -> None:
     assert names.user_data_of(names.user_data(said)) == said
 
 
-@for_each(
-    "service, has_each", [("/n/get_parameters", True), ("/get_type_description", True), ("/add", False)]
-)
-def test_services_that_each_node_has(service: str, has_each: bool) -> None:
-    assert names.is_service_of_each_node(service) is has_each
-
-
 def test_the_node_of_a_participant_without_any_tells_them_apart() -> None:
     one, other = (bytes.fromhex("010f78fd033ee044000000") + bytes([n]) + b"\0\0\1\xc1" for n in (1, 2))
     assert names.bare_node_name(one) == "_dds_010f78fd033ee04400000001" != names.bare_node_name(other)
@@ -79,8 +71,11 @@ def test_the_node_of_a_participant_without_any_tells_them_apart() -> None:
     "service, type_name", [("/s", "std_srvs/srv/Trigger"), ("/a/_action/get_result", "p/action/F_GetResult")]
 )
 def test_services(service: str, type_name: str) -> None:
-    for topic in names.service_to_dds(service):
-        assert names.service_from_dds(topic) == service
-    requests, responses = names.service_types_to_dds(type_name)
+    topics, types = names.service_to_dds(service), names.service_types_to_dds(type_name)
+    requests, responses = types
+    for topic, type_, is_request in zip(topics, types, (True, False), strict=True):
+        assert names.service_part_from_dds(topic, type_) == (service, type_name, is_request)
+        for other in (responses if is_request else requests, "p::msg::dds_::Plain_", "unsaid"):
+            assert names.service_part_from_dds(topic, other) is None
     assert names.type_from_dds(requests) == f"{type_name}_Request"
     assert names.type_from_dds(responses) == f"{type_name}_Response"

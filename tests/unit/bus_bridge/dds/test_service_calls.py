@@ -19,7 +19,7 @@ from ports import own_domain
 DOMAIN = own_domain()
 ADD = ServiceTypes.find("example_interfaces/srv/AddTwoInts")
 SUPPORT = service_support(AddTwoInts)
-BRIDGE, CLIENT = b"b" * 16, b"c" * 16
+CLIENT = b"c" * 16
 
 
 async def until(holds: Callable[[], object]) -> None:
@@ -38,22 +38,24 @@ class World:
         self.there = Services(DOMAIN, self.warnings.append)
         self.asked: list[Any] = []
         self.replies: list[Reply] = []
+        self.senders: list[bytes] = []
         self.answers = True
-        self.served = CallsFromRos(self.here, "/add", ADD, BRIDGE, self.on_request)
+        self.served = CallsFromRos(self.here, "/add", ADD, self.on_request)
         self.calls = CallsToRos(self.there, "/add", ADD, self.on_reply)
 
-    def on_request(self, payload: bytes) -> None:
+    def on_request(self, client: bytes, payload: bytes) -> None:
         request = SUPPORT.requests.decode(payload)
-        assert request.client == BRIDGE
+        assert request.client == client == self.calls.client.guids[1]
         self.asked.append(request)
         if self.answers:
             self.answer(request)
 
     def answer(self, request: Any) -> None:
         response = AddTwoInts.Response(sum=request.body.a + request.body.b)
-        self.served.reply(SUPPORT.encode_response(BRIDGE, request.number, response))
+        self.served.reply(SUPPORT.encode_response(request.client, request.number, response))
 
-    def on_reply(self, payload: bytes) -> None:
+    def on_reply(self, server: bytes, payload: bytes) -> None:
+        self.senders.append(server)
         self.replies.append(SUPPORT.replies(CLIENT).decode(payload))
 
     def call(self, number: int) -> None:
@@ -90,6 +92,7 @@ async def test_a_hundred_calls_from_the_first_moment(world: World) -> None:
         number: number + 1 for number in range(1, 101)
     }
     assert len(world.asked) == 100
+    assert {*world.senders} == {world.served.server.guids[1]}
     assert (world.calls.waiting, world.served.waiting, world.warnings) == (0, 0, [])
 
 
@@ -98,7 +101,7 @@ async def test_a_question_about_a_call(world: World) -> None:
     world.calls.request(SUPPORT.encode_question(CLIENT, 1))
     world.calls.request(SUPPORT.encode_question(CLIENT, 9))
     reply = await world.replied()
-    assert (reply.number, reply.error, reply.body) == (9, "", None)
+    assert (reply.number, reply.error, reply.body, world.senders) == (9, "", None, [b""])
     world.answer(world.asked[0])
     assert (await world.replied(2)).body.sum == 2
 
@@ -109,7 +112,7 @@ async def test_an_answer_for_another_client_and_a_second_one(world: World) -> No
     world.served.reply(SUPPORT.encode_response(CLIENT, 1, response))
     assert world.served.waiting == 1
     for _ in range(2):
-        world.served.reply(SUPPORT.encode_response(BRIDGE, 1, response))
+        world.served.reply(SUPPORT.encode_response(world.asked[0].client, 1, response))
     assert (await world.replied()).body.sum == 5
     world.call(2)
     await until(lambda: len(world.asked) == 2)
@@ -118,7 +121,7 @@ async def test_an_answer_for_another_client_and_a_second_one(world: World) -> No
 
 async def test_an_error_of_the_server(world: World) -> None:
     await world.hold()
-    world.served.reply(SUPPORT.encode_error(BRIDGE, 1, "no fuel"))
+    world.served.reply(SUPPORT.encode_error(world.asked[0].client, 1, "no fuel"))
     assert (world.served.failed, world.served.waiting, world.served.server.waiting) == (1, 0, 0)
     assert world.warnings == ["a call of /add by a node of ROS 2 gets no answer: no fuel"]
     assert world.calls.waiting == 1  # ROS 2 has no errors
@@ -126,25 +129,11 @@ async def test_an_error_of_the_server(world: World) -> None:
 
 async def test_a_server_here_that_goes(world: World) -> None:
     await world.hold()
-    world.served.server_gone()
-    assert (world.served.failed, world.served.waiting) == (1, 0)
     world.served.close()
+    assert (world.served.failed, world.served.waiting) == (1, 0)
     reply = await world.replied()
     assert reply.error == "a call of rq/addRequest gets no answer: its server has gone"
     assert (world.calls.failed, world.calls.waiting) == (1, 0)
-
-
-async def test_a_client_here_that_goes(world: World) -> None:
-    await world.hold()
-    world.calls.client_gone(b"o" * 16)
-    assert world.calls.waiting == 1
-    world.calls.client_gone(CLIENT)
-    await until(lambda: world.calls.waiting == 0)
-    world.answer(world.asked[0])
-    world.answers = True
-    world.call(2)
-    assert (await world.replied()).number == 2
-    assert world.calls.client.late == 1
 
 
 async def test_no_server(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -174,3 +163,17 @@ async def test_limits(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
     await until(lambda: len(world.asked) == 2)
     assert (world.served.waiting, world.served.failed) == (1, 1)
     assert "too many later calls" in world.warnings[0]
+
+
+async def test_a_result_waits_for_the_last_feedback(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(service_calls, "_FEEDBACK_FIRST_S", 3600.0)
+    asked: list[Any] = []
+    service = "/a/_action/get_result"
+    served = CallsFromRos(world.here, service, ADD, lambda _, one: asked.append(SUPPORT.requests.decode(one)))
+    calls = CallsToRos(world.there, service, ADD, world.on_reply)
+    calls.request(SUPPORT.encode_request(CLIENT, 1, AddTwoInts.Request()))
+    await until(lambda: asked)
+    served.reply(SUPPORT.encode_response(asked[0].client, 1, AddTwoInts.Response()))
+    assert (served.waiting, served.server.waiting, world.replies) == (0, 1, [])
+    served.close()
+    calls.close()

@@ -6,8 +6,9 @@ from collections.abc import AsyncIterator, Callable
 
 import pytest
 
+from bus_bridge.dds import turns
 from bus_bridge.dds.service_identity import RequestId
-from bus_bridge.dds.services import NoServer, ServiceClient, Services, ServiceServer
+from bus_bridge.dds.services import NoServer, Response, ServiceClient, Services, ServiceServer
 from bus_bridge.errors import BridgeError
 from bus_bridge.rtps.reader import Reader
 from bus_bridge.rtps.writer import Writer
@@ -39,12 +40,12 @@ class World:
             assert self.server.answer(request, cdr + b"!")
 
     async def call(self, text: bytes) -> bytes:
-        return await asyncio.wait_for(self.client.call(CDR + text), WAIT_S)
+        return (await asyncio.wait_for(self.client.call(CDR + text), WAIT_S)).cdr
 
     async def ready(self) -> None:
         await asyncio.wait_for(self.client.wait_until_ready(), WAIT_S)
 
-    async def hold(self) -> asyncio.Task[bytes]:
+    async def hold(self) -> asyncio.Task[Response]:
         """A call that the server has, and does not answer."""
         self.answers = False
         self.arrived.clear()
@@ -90,7 +91,9 @@ async def test_each_client_gets_its_own_answers(world: World) -> None:
     await asyncio.wait_for(other.wait_until_ready(), WAIT_S)
     sent = ((world.client, b"1"), (other, b"2"), (world.client, b"3"))
     calls = [asyncio.wait_for(client.call(CDR + text), WAIT_S) for client, text in sent]
-    assert await asyncio.gather(*calls) == [CDR + b"1!", CDR + b"2!", CDR + b"3!"]
+    found = await asyncio.gather(*calls)
+    assert [one.cdr for one in found] == [CDR + b"1!", CDR + b"2!", CDR + b"3!"]
+    assert {one.writer for one in found} == {world.server.guids[1]}
     assert (world.client.late, other.late) == (0, 0)
 
 
@@ -174,3 +177,45 @@ async def test_a_call_waits_until_the_server_knows_both_ends(
             patch.setattr(end, what, lambda self, guid: False)
             assert not world.client.is_ready
     assert world.client.is_ready
+
+
+async def test_an_answer_waits_for_the_announcement_of_its_reader(
+    world: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    await world.ready()
+    call = await world.hold()
+    ((request, cdr),) = world.requests
+    monkeypatch.setattr(type(world.server._writer), "matched", [])
+    assert world.server.answer(request, cdr)
+    assert [*world.server._unmatched] == [request.reader]
+    world.server.reader_matched(b"other" + bytes(11))
+    world.server.reader_matched(request.reader)
+    assert not call.done()
+    monkeypatch.undo()
+    world.server.reader_matched(request.reader)
+    assert (await asyncio.wait_for(call, WAIT_S)).cdr == cdr
+    assert not world.server._unmatched
+
+
+async def test_few_calls_are_open_at_the_same_time(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(turns, "_PAUSE_S", 3600.0)
+    await world.ready()
+    world.answers = False
+    calls = [asyncio.create_task(world.client.call(CDR)) for _ in range(20)]
+    await until(lambda: len(world.requests) == 8)
+    assert world.client.waiting == 20
+    world.answers = True
+    for request, cdr in world.requests[:]:
+        world.server.answer(request, cdr)
+    await asyncio.wait_for(asyncio.gather(*calls), WAIT_S)
+    assert (len(world.requests), world.client.waiting) == (20, 0)
+
+
+async def test_waiting_calls_fail_with_their_client(world: World) -> None:
+    await world.ready()
+    world.answers = False
+    calls = [asyncio.create_task(world.client.call(CDR)) for _ in range(20)]
+    await until(lambda: len(world.requests) == 8)
+    world.client.close()
+    found = await asyncio.wait_for(asyncio.gather(*calls, return_exceptions=True), WAIT_S)
+    assert [type(one) for one in found] == 20 * [NoServer]

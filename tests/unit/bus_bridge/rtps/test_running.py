@@ -39,8 +39,8 @@ class News:
 
 async def test_two_on_loopback() -> None:
     news, others = News(), News()
-    one = RunningParticipant(DOMAIN, news, lambda topic: True)
-    two = RunningParticipant(DOMAIN, others, lambda topic: topic == TOPIC)
+    one = RunningParticipant(DOMAIN, news, lambda one: True)
+    two = RunningParticipant(DOMAIN, others, lambda one: one.topic == TOPIC)
     got: asyncio.Queue[bytes | None] = asyncio.Queue()
 
     def deliver(arrived: Arrived) -> None:

@@ -1,0 +1,232 @@
+"""Services and actions between a bus and ROS 2's rclpy, through `bus bridge ros2`."""
+
+import asyncio
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import bus
+import bus_actions
+from bridged_world import Bridge, Side, World, on_one_loop, until
+from bus.errors import ServiceUnavailable
+from bus.types.classes import service_class
+from forks import Forks
+from peers import peer
+from peers.peer import Peer
+
+pytest.importorskip("cyclonedds", reason="cyclonedds is not installed: make setup installs it")
+
+DISTROS = pytest.mark.parametrize("distro", ["jazzy", "kilted"])
+LIST = "rcl_interfaces/srv/ListParameters"
+GET = "rcl_interfaces/srv/GetParameters"
+SET = "rcl_interfaces/srv/SetParameters"
+FIBONACCI = "test_msgs/action/Fibonacci"
+SHARE = Path(__file__).parents[1] / "differential/share"
+SUCCEEDED, CANCELED = 4, 5
+ListParameters: Any = service_class(LIST)
+
+
+@pytest.fixture
+def world(tmp_path: Path, forks: Forks, monkeypatch: pytest.MonkeyPatch) -> Iterator[World]:
+    monkeypatch.setenv("BUSD_AUTOSTART", "0")
+    with World(tmp_path, forks, "robot") as world:
+        yield world
+
+
+def join(world: World, *arguments: str) -> tuple[Side, Bridge]:
+    side = world["robot"]
+    return side, side.bridge("ros2", "--domain-id", str(world.domain), *arguments)
+
+
+async def ros(world: World, distro: peer.Distro) -> Peer:
+    machine = world["robot"].machine
+    return await asyncio.to_thread(peer.ros, distro, "ros_node", machine, domain=world.domain)
+
+
+async def ask(one: Peer, order: str, **arguments: Any) -> Any:
+    """Does not block the nodes of this process."""
+    return await asyncio.to_thread(one.ask, order, **arguments)
+
+
+async def services_of(far: Peer, *names: str) -> dict[str, list[str]]:
+    """The services of our node as `far` sees them, once these are there."""
+    while "/robot" not in await ask(far, "nodes"):
+        pass
+    while True:
+        found: dict[str, list[str]] = await ask(far, "services", name="robot")
+        if {*names} <= found.keys():
+            return found
+
+
+def answer(request: Any) -> Any:
+    response = ListParameters.Response()
+    response.result.names = [*request.prefixes, str(request.depth)]
+    return response
+
+
+@DISTROS
+@on_one_loop
+async def test_rclpy_calls_a_server_of_the_bus(world: World, distro: peer.Distro) -> None:
+    side, bridge = join(world)
+
+    def on_request(request: Any, request_id: bus.RequestId) -> None:
+        server.respond(request_id, answer(request), "" if request.depth != 13 else "no thirteen")
+
+    async with side.node("server") as node:
+        server = await node.create_service(ListParameters, "/ours", on_request=on_request)
+        with await ros(world, distro) as far:
+            call = {"service": "/ours", "type_name": LIST, "prefixes": ["grüß"], "depth": 5}
+            (first,) = await ask(far, "call", **call)
+            assert first["result"]["names"] == ["grüß", "5"]
+            for _ in range(10):  # ten at once: between nodes of ROS 2, answers to more of them are lost
+                assert await ask(far, "call", **call, count=10) == 10 * [first]
+            assert server.statistics().requests == 101
+            assert await ask(far, "call", **{**call, "depth": 13}, time_s=0.5) == [None]
+            assert "no thirteen" in bridge.log.read_text()
+
+
+@DISTROS
+@on_one_loop
+async def test_the_bus_calls_a_server_of_rclpy(world: World, distro: peer.Distro) -> None:
+    side, _ = join(world)
+    async with side.node("client") as node:
+        client = await node.create_client(ListParameters, "/theirs")
+        with await ros(world, distro) as far:
+            await ask(far, "offer", service="/theirs", type_name=LIST, result={"names": ["a"]})
+            await client.wait_for_service()
+            for _ in range(5):
+                calls = [client.call(ListParameters.Request(depth=number)) for number in range(100)]
+                found = await asyncio.gather(*calls)
+                assert [one.result.names for one in found] == 100 * [["a"]]
+            heard = await asyncio.to_thread(far.wait, "/theirs", 500)
+            assert sorted(one["depth"] for one in heard) == sorted(5 * [*range(100)])
+            await ask(far, "offer", service="/slow", type_name=LIST, pause_s=100.0)
+            slow = await node.create_client(ListParameters, "/slow")
+            await slow.wait_for_service()
+            task = asyncio.create_task(slow.call(ListParameters.Request()))
+            await asyncio.to_thread(far.wait, "/slow")
+            await ask(far, "end", topic="/slow")
+            with pytest.raises((ServiceUnavailable, bus.ServiceError)):
+                await task
+            far.kill()
+
+
+@DISTROS
+@on_one_loop
+async def test_rclpy_sets_parameters_of_a_node_of_the_bus(world: World, distro: peer.Distro) -> None:
+    side, _ = join(world)
+    async with side.node("robot") as node:
+        await node.declare_parameter("speed", 3)
+        with await ros(world, distro) as far:
+            (found,) = await ask(far, "call", service="/robot/list_parameters", type_name=LIST)
+            assert "speed" in found["result"]["names"]
+            change = {"name": "speed", "value": {"type": 2, "integer_value": 9}}
+            (found,) = await ask(
+                far, "call", service="/robot/set_parameters", type_name=SET, parameters=[change]
+            )
+            assert [one["successful"] for one in found["results"]] == [True]
+            (found,) = await ask(
+                far, "call", service="/robot/get_parameters", type_name=GET, names=["speed", "use_sim_time"]
+            )
+            assert [(one["type"], one["integer_value"]) for one in found["values"]] == [(2, 9), (1, 0)]
+        assert node.get_parameter("speed") == 9
+
+
+@DISTROS
+@on_one_loop
+async def test_the_bus_sets_parameters_of_a_node_of_rclpy(world: World, distro: peer.Distro) -> None:
+    side, _ = join(world)
+    with await ros(world, distro):
+        await until(lambda: side.bus("param", "get", "/ros_node", "use_sim_time").code == 0)
+        assert side.bus("param", "get", "/ros_node", "use_sim_time").out == "Boolean value is: False\n"
+        assert side.bus("param", "set", "/ros_node", "use_sim_time", "true").code == 0
+        assert side.bus("param", "get", "/ros_node", "use_sim_time").out == "Boolean value is: True\n"
+        assert "use_sim_time" in side.bus("param", "list", "/ros_node").out
+
+
+@on_one_loop
+async def test_rules_forbid_parameters(world: World, tmp_path: Path) -> None:
+    config = tmp_path / "rules.toml"
+    config.write_text('[[bridge.ros2.topics]]\npattern = "/**"\nkind = "parameters"\ndirection = "in"\n')
+    side, _ = join(world, "--config", str(config))
+    async with side.node("robot") as node:
+        await node.declare_parameter("speed", 3)
+        await node.create_service(ListParameters, "/ours", answer)
+        with await ros(world, "jazzy") as far:
+            found = await services_of(far, "/ours")
+            assert "/robot/set_parameters" not in found
+            await until(lambda: side.bus("param", "get", "/ros_node", "use_sim_time").code == 0)
+
+
+@DISTROS
+@on_one_loop
+async def test_each_side_lists_the_services_of_the_other(world: World, distro: peer.Distro) -> None:
+    side, _ = join(world)
+    async with side.node("robot") as node:
+        await node.declare_parameter("speed", 3)
+        await node.create_service(ListParameters, "/ours", answer)
+        await node.create_client(ListParameters, "/asked")
+        with await ros(world, distro) as far:
+            await ask(far, "offer", service="/theirs", type_name=LIST)
+            await until(lambda: "/theirs" in side.bus("service", "list").out)
+            assert side.bus("service", "type", "/theirs").out == f"{LIST}\n"
+            await until(lambda: "/theirs" in side.bus("node", "info", "/ros_node").out)
+            found = await services_of(far, "/ours", "/robot/get_parameters")
+            assert found["/ours"] == [LIST] and found["/robot/get_parameters"] == [GET]
+            assert (await ask(far, "services"))["/ours"] == [LIST]
+            assert await ask(far, "nodes") == ["/robot", "/ros_node"]  # each once
+
+
+@pytest.fixture
+def test_msgs(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """The type of the actions: the only one that a package of rclpy brings."""
+    monkeypatch.setenv("BUS_INTERFACE_PATH", str(SHARE))
+    return bus_actions.find_action(FIBONACCI)
+
+
+@on_one_loop
+async def test_rclpy_sends_goals_to_an_action_of_the_bus(world: World, test_msgs: Any) -> None:
+    side, _ = join(world)
+    gate = asyncio.Event()
+
+    async def execute(goal: Any) -> Any:
+        for number in range(3):
+            yield test_msgs.Feedback(sequence=[number])
+        if goal.request.order == 13:
+            await gate.wait()
+        yield test_msgs.Result(sequence=[*range(goal.request.order)])
+
+    async with side.node("robot") as node, bus_actions.ActionServer(node, test_msgs, "/count", execute):
+        with await ros(world, "jazzy") as far:
+            goal = {"action": "/count", "type_name": FIBONACCI}
+            status, result, feedbacks = await ask(far, "send_goal", **goal, size=5)
+            assert (status, result) == (SUCCEEDED, [0, 1, 2, 3, 4])
+            assert feedbacks == [[0], [1], [2]]
+            status, _, _ = await ask(far, "send_goal", **goal, size=13, cancel_after=2)
+            assert status == CANCELED
+
+
+@on_one_loop
+async def test_the_bus_sends_goals_to_an_action_of_rclpy(world: World, test_msgs: Any) -> None:
+    side, _ = join(world)
+    with await ros(world, "jazzy") as far:
+        await ask(far, "serve_action", action="/count", type_name=FIBONACCI)
+        await ask(far, "serve_action", action="/long", type_name=FIBONACCI, feedbacks=1000, pause_s=0.02)
+        async with (
+            side.node("robot") as node,
+            bus_actions.ActionClient(node, test_msgs, "/count") as client,
+            bus_actions.ActionClient(node, test_msgs, "/long") as long,
+        ):
+            await client.wait_for_server()
+            goal = await client.send_goal(test_msgs.Goal(order=4))
+            assert [one.sequence async for one in goal] == [[0], [1]]
+            assert (await goal.result()).sequence == [0, 1, 2, 3]
+            await long.wait_for_server()
+            goal = await long.send_goal(test_msgs.Goal(order=4))
+            async for _ in goal:
+                break
+            await goal.cancel()
+            with pytest.raises(bus_actions.GoalCanceled):
+                await goal.result()
