@@ -211,6 +211,8 @@ class World:
     """Some buses. Leaving ends all processes, and checks each log for a traceback."""
 
     def __init__(self, folder: Path, forks: Forks | None, *names: str) -> None:
+        self.carrier = "auto"
+        """The carrier of topics of bridges to ROS 2, for tests that know it."""
         self._folder = folder
         self._forks = forks
         self._names = names or ("robot", "laptop")

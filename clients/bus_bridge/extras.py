@@ -14,19 +14,21 @@ _FIRST_WITHOUT = (3, 14)
 
 
 class Extra(NamedTuple):
-    """The requirements of one engine."""
+    """The package that an engine uses."""
 
     module: str
     distribution: str
     is_limited: bool = False
     """Whether it only has wheels for Linux on x86_64, and up to Python 3.13."""
+    is_optional: bool = False
+    """Whether the engine works without it, but slower."""
 
 
 EXTRAS = {
     "zenoh": Extra("zenoh", "eclipse-zenoh"),
-    "ros2": Extra("cyclonedds", "cyclonedds", is_limited=True),
+    "ros2": Extra("cyclonedds", "cyclonedds", is_limited=True, is_optional=True),
 }
-"""Requirements by the name of the engine."""
+"""Packages by the name of the engine."""
 
 
 def why_missing(engine: str, machine: str | None = None, python: tuple[int, int] | None = None) -> str:
@@ -37,7 +39,8 @@ def why_missing(engine: str, machine: str | None = None, python: tuple[int, int]
     extra = EXTRAS[engine]
     if find_spec(extra.module) is not None:
         return ""
-    what = f"a bridge to {engine} needs {extra.distribution}"
+    verb = "is faster with" if extra.is_optional else "needs"
+    what = f"a bridge to {engine} {verb} {extra.distribution}"
     machine, python = machine or platform.machine(), python or sys.version_info[:2]
     if extra.is_limited and machine != _MACHINE:
         return f"{what}, of which there is no package for {machine}, only for {_MACHINE}"

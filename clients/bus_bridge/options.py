@@ -63,3 +63,5 @@ class Ros2Table(BridgeTable, frozen=True, kw_only=True):
     """Addresses of machines with ROS 2, for networks without multicast."""
     distro: Literal["auto", "humble"] | None = None
     """`humble`: the far side uses Humble's form of the graph."""
+    carrier: Literal["auto", "cyclonedds", "rtps"] | None = None
+    """What carries topics."""

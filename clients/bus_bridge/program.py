@@ -94,7 +94,11 @@ def _plan_ros2(table: Ros2Table) -> tuple[_MakeEngine, list[str]]:
         interface=table.interface or "",
         peers=table.peers,
         distro=table.distro or "auto",
+        carrier=table.carrier or "auto",
     )
     options.check()
     where = "this machine only" if options.is_local else f"interface {options.interface}"
-    return lambda bus: DdsEngine(bus, options), [f"in domain {options.domain} of DDS, {where}"]
+    places = [f"in domain {options.domain} of DDS, {where}"]
+    if options.carrier == "auto" and options.carrier_used == "rtps":
+        places.append("cyclonedds is not installed: topics go by the RTPS of busd, which is slower")
+    return lambda bus: DdsEngine(bus, options), places

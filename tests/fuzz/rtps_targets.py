@@ -108,6 +108,15 @@ class _News:
 
     def __init__(self) -> None:
         self.there: dict[bytes, EndpointData] = {}
+        self.participants: set[bytes] = set()
+
+    def participant_added(self, data: ParticipantData) -> None:
+        assert data.prefix not in self.participants
+        self.participants.add(data.prefix)
+
+    def participant_removed(self, prefix: bytes) -> None:
+        self.participants.remove(prefix)
+        assert not any(guid.startswith(prefix) for guid in self.there)
 
     def endpoint_added(self, endpoint: EndpointData, vendor: bytes) -> None:
         assert endpoint.guid not in self.there

@@ -8,7 +8,7 @@ from typing import Any
 
 import msgspec
 from cyclonedds.core import Policy, Qos
-from cyclonedds.domain import DomainParticipant
+from cyclonedds.domain import Domain, DomainParticipant
 from cyclonedds.idl import make_idl_struct
 from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
@@ -21,6 +21,7 @@ from bus_bridge.batch import Batch, Loose, Sample
 from bus_bridge.dds import raw
 from bus_bridge.dds.engine import DdsEngine
 from bus_bridge.dds.options import DdsOptions
+from bus_bridge.dds.participant import configuration
 from bus_bridge.engine import FarBus, FarEndpoint, FarNode, LocalEndpoint, LocalNode, RouteRule, Writer
 from conftest import WAIT_S
 from ports import own_domain
@@ -89,14 +90,23 @@ class Bridge:
     """An engine, and the half of a bridge that it needs."""
 
     def __init__(self, options: DdsOptions = OPTIONS) -> None:
+        self.options = options
+        self._domain: Any = None
         self.far = Far()
         self.engine = DdsEngine("robot-1a2b3c4d", options)
         self.heard: list[str] = []
         self.numbers = 0
 
     async def open(self) -> None:
+        if self.options.carrier == "rtps":  # else the engine configures the domain, also for `Alone`
+            self._domain = Domain(DOMAIN, configuration(self.options))
         await self.engine.open(self.far)
         self.engine.announce_node(NODE)
+
+    async def close(self) -> None:
+        await self.engine.close()
+        if self._domain is not None:
+            raw.delete(self._domain)
 
     def publish(
         self,

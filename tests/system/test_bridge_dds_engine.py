@@ -23,6 +23,7 @@ from bus.qos import Durability, QoSProfile, Reliability
 from bus.schema import MessageSchema
 from bus_bridge.batch import Loose, Sample
 from bus_bridge.dds import raw, reading
+from bus_bridge.dds.cyclone import CycloneCarrier
 from bus_bridge.dds.engine import DdsEngine
 from bus_bridge.dds.graph import NodeEntities, decode, encode
 from bus_bridge.dds.node_topic import info_type
@@ -51,12 +52,21 @@ from peers.dds import (
 __all__ = ["world"]
 
 
-@pytest.fixture
-async def bridge() -> AsyncIterator[Bridge]:
-    made = Bridge()
+by_cyclonedds = pytest.mark.parametrize("bridge", ["cyclonedds"], indirect=True)
+
+
+def carrier_of(bridge: Bridge) -> CycloneCarrier:
+    carrier = bridge.engine._carrier
+    assert isinstance(carrier, CycloneCarrier)
+    return carrier
+
+
+@pytest.fixture(params=["cyclonedds", "rtps"])
+async def bridge(request: pytest.FixtureRequest) -> AsyncIterator[Bridge]:
+    made = Bridge(msgspec.structs.replace(OPTIONS, carrier=request.param))
     await made.open()
     yield made
-    await made.engine.close()
+    await made.close()
 
 
 @pytest.fixture
@@ -97,6 +107,7 @@ async def test_what_is_said_before_it_is_read_waits(bridge: Bridge, alone: Alone
     await until(lambda: bridge.heard == ["first", "second"])
 
 
+@by_cyclonedds
 async def test_a_burst_before_it_is_read_comes_whole_to_a_lossless_subscription(
     bridge: Bridge, alone: Alone
 ) -> None:
@@ -105,7 +116,7 @@ async def test_a_burst_before_it_is_read_comes_whole_to_a_lossless_subscription(
     await until(lambda: writer.get_matched_subscriptions())
     burst = [*map(str, range(5000))]
     say(writer, *burst)
-    (intake,) = bridge.engine._ways._intakes["rt/chatter"]
+    (intake,) = carrier_of(bridge).ways._intakes["rt/chatter"]
     await until(lambda: len(intake._early) == 5000)
     way = await bridge.read("/chatter")
     await until(lambda: len(bridge.heard) >= 5000)
@@ -114,13 +125,14 @@ async def test_a_burst_before_it_is_read_comes_whole_to_a_lossless_subscription(
     assert bridge.heard == [*burst, "more"] and way.lost == {}
 
 
+@by_cyclonedds
 async def test_what_nobody_reads_is_kept_for_a_while_only(
     bridge: Bridge, alone: Alone, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(reading, "_PATIENCE_S", 0.05)
     bridge.listen("/chatter", LOSSLESS)
     writer = alone.writer("/chatter")
-    (intake,) = bridge.engine._ways._intakes["rt/chatter"]
+    (intake,) = carrier_of(bridge).ways._intakes["rt/chatter"]
     put, kept = intake._early.put, []
     monkeypatch.setattr(intake._early, "put", lambda handle, one: kept.append(one) or put(handle, one))
     await until(lambda: writer.get_matched_subscriptions())
@@ -209,6 +221,7 @@ async def test_best_available_gets_what_each_publisher_keeps(bridge: Bridge, alo
     await until(lambda: bridge.heard[-1] == "last")
 
 
+@by_cyclonedds
 @pytest.mark.parametrize("durability", ["volatile", "transient_local"])
 async def test_another_reader_takes_over_without_loss(bridge: Bridge, alone: Alone, durability: str) -> None:
     """Each subscription is withdrawn and made again while messages flow."""
@@ -269,6 +282,7 @@ def info_writer(alone: Alone, size: int, user_data: bytes) -> Iterator[Any]:
     raw.delete(writer)
 
 
+@by_cyclonedds
 async def test_humble_is_understood_and_answered(bridge: Bridge, alone: Alone) -> None:
     guid = alone.participant.guid.bytes
     chatter = alone.writer("/chatter")
@@ -432,13 +446,13 @@ async def test_a_participant_that_shows_too_much_ends_nothing_of_the_others(worl
         await until(lambda: heard[2:] == ["true again"])
 
 
+@by_cyclonedds
 async def test_a_reader_that_dds_refuses_leaves_none_behind(
     bridge: Bridge, alone: Alone, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     writers = [alone.writer("/chatter", *policies) for policies in (_LATCHED, ())]
     await until(lambda: len(bridge.far.endpoints) == len(writers))
-    assert bridge.engine._participant is not None
-    make, made = bridge.engine._participant.make_reader, list[object]()
+    make, made = carrier_of(bridge).participant.make_reader, list[object]()
 
     def make_one(*arguments: Any) -> Any:
         if made:
@@ -446,13 +460,14 @@ async def test_a_reader_that_dds_refuses_leaves_none_behind(
         made.append(make(*arguments))
         return made[0]
 
-    monkeypatch.setattr(bridge.engine._participant, "make_reader", make_one)
+    monkeypatch.setattr(carrier_of(bridge).participant, "make_reader", make_one)
     with pytest.raises(BridgeError, match="no room"):
         bridge.listen("/chatter", BEST)
-    assert len(made) == 1 and bridge.engine._ways._intakes == {}
+    assert len(made) == 1 and carrier_of(bridge).ways._intakes == {}
     assert [node.readers for node in bridge.engine._entities()] == [()]
 
 
+@by_cyclonedds
 async def test_a_reader_that_dds_refuses_later_is_said_and_tried_again(
     bridge: Bridge, alone: Alone, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -463,14 +478,14 @@ async def test_a_reader_that_dds_refuses_later_is_said_and_tried_again(
     await until(lambda: bridge.far.endpoints)
     bridge.listen("/chatter", BEST)
     with monkeypatch.context() as patched:
-        patched.setattr(bridge.engine._participant, "make_reader", refuse)
+        patched.setattr(carrier_of(bridge).participant, "make_reader", refuse)
         writers.append(alone.writer("/chatter", *_LATCHED))
         await until(lambda: bridge.far.warnings)
     assert bridge.far.warnings == [
         "not all messages on /chatter arrive here: there is no room for another reader"
     ]
     writers.append(alone.writer("/other"))  # any discovery triggers the next attempt
-    await until(lambda: len(bridge.engine._ways._intakes["rt/chatter"]) == 2)
+    await until(lambda: len(carrier_of(bridge).ways._intakes["rt/chatter"]) == 2)
 
 
 async def test_the_end_of_a_domain(bridge: Bridge, alone: Alone) -> None:

@@ -8,7 +8,7 @@ from zlib import crc32
 
 import pytest
 
-from bus_bridge.rtps.announcements import RELIABLE, EndpointData
+from bus_bridge.rtps.announcements import RELIABLE, EndpointData, ParticipantData
 from bus_bridge.rtps.ids import FAST_DDS
 from bus_bridge.rtps.reader import Arrived
 from bus_bridge.rtps.running import RunningParticipant
@@ -37,10 +37,18 @@ class Ours:
 
     def __init__(self) -> None:
         self.far: dict[bytes, EndpointData] = {}
+        self.participants: set[bytes] = set()
         self.vendors: set[bytes] = set()
         self.warnings: list[str] = []
         self.got: list[Arrived] = []
         self.running = RunningParticipant(DOMAIN, self, lambda one: one.topic.startswith("rt/t_"))
+
+    def participant_added(self, data: ParticipantData) -> None:
+        assert data.prefix not in self.participants
+        self.participants.add(data.prefix)
+
+    def participant_removed(self, prefix: bytes) -> None:
+        self.participants.remove(prefix)
 
     def endpoint_added(self, endpoint: EndpointData, vendor: bytes) -> None:
         self.far[endpoint.guid] = endpoint

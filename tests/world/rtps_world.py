@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from bus_bridge.rtps.announcements import EndpointData
+from bus_bridge.rtps.announcements import EndpointData, ParticipantData
 from bus_bridge.rtps.far import USUAL_BOUNDS, Bounds
 from bus_bridge.rtps.ids import OUR_VENDOR
 from bus_bridge.rtps.parameters import Address
@@ -19,6 +19,7 @@ class Machine:
     def __init__(self, network: "Network", host: str, bounds: Bounds, wanted: Callable[[str], bool]) -> None:
         self.address: Address = host, 7410
         self.far: dict[bytes, EndpointData] = {}
+        self.participants: set[bytes] = set()
         self.warnings: list[str] = []
         self.network = network
         number = len(network.machines) + 1
@@ -37,6 +38,14 @@ class Machine:
     def transmit(self, address: Address, datagram: bytes) -> None:
         if not self.is_cut:
             self.network.send(self, address, datagram)
+
+    def participant_added(self, data: ParticipantData) -> None:
+        assert data.prefix not in self.participants
+        self.participants.add(data.prefix)
+
+    def participant_removed(self, prefix: bytes) -> None:
+        self.participants.remove(prefix)
+        assert not any(guid.startswith(prefix) for guid in self.far)
 
     def endpoint_added(self, endpoint: EndpointData, vendor: bytes) -> None:
         assert endpoint.guid not in self.far and vendor == OUR_VENDOR

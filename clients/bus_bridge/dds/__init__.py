@@ -1,10 +1,11 @@
-"""The engine for DDS, as ROS 2 uses it: topics by cyclonedds, services by our RTPS; with the extra `ros2`.
+"""The engine for DDS, as ROS 2 uses it: topics by cyclonedds or our RTPS, services by our RTPS.
 
     `engine.py` --+-- `discovery.py`  far endpoints --> `graph.py` (their nodes) --> the bridge
-                  +-- `node_info.py`, `node_topic.py`   `ros_discovery_info`: nodes, ours and theirs
-                  +-- `writing.py`    routes out
-                  +-- `reading.py`    routes in: the reader for each writer (`early.py`: before that)
-    cyclonedds: `participant.py`, `raw.py`;  translations: `names.py`, `qos.py`, `idl.py`, `known_types.py`
+                  +-- `carrier.py`, the interface to the carrier of topics, one of two:
+       `cyclone.py`      cyclonedds: `participant.py`, `raw.py`, `idl.py`;  routes: `writing.py`, `reading.py`
+                         (`early.py`: before a route);  nodes: `node_info.py`, `node_topic.py`
+       `rtps_topics.py`  our RTPS
+    translations: `names.py`, `qos.py`, `known_types.py`
 
     services: the bridge's routes <-> `service_ways.py` <-> `service_calls.py` (`service_types.py`) <->
         `services.py` (`service_identity.py`, `turns.py`) <-> `bus_bridge.rtps`
@@ -20,7 +21,7 @@ Invariants:
 - Endpoints of other busds are ignored. They have a mark in USER_DATA.
 - Only `raw.py` uses private parts of cyclonedds; a test fails if one of them changes.
 
-Read first: `engine.py`, `names.py`, then `reading.py`.
+Read first: `engine.py`, `names.py`, then `rtps_topics.py`, the simpler carrier.
 
 Tests: `tests/unit/bus_bridge/dds/`, `tests/system/test_bridge_dds_engine.py`,
 `tests/system/test_bridge_dds_ros.py`, `tests/system/test_bridge_ros2.py`; of services

@@ -1,13 +1,13 @@
 """Converts DDS discovery to news of far nodes and endpoints.
 
-Owns: cyclonedds' built-in readers and their data, and the decision which endpoints are far: neither ours nor
-another busd's.
+Owns: which endpoints are far (neither ours nor another busd's), and their descriptions on the bus. Must not
+know: the carrier that finds them.
 """
 
 import asyncio
 import time
-from collections.abc import Callable
-from typing import Any, Final
+from collections.abc import Callable, Mapping
+from typing import Final
 
 from bus.errors import ConfigurationError
 from bus.names import (
@@ -17,9 +17,11 @@ from bus.names import (
     validate_namespace,
     validate_node_name,
 )
-from bus.qos import Durability, Reliability
+from bus.qos import Durability, QoSProfile, Reliability
+from bus.schema import MessageSchema
 from bus.types.service import keeping_all
 from bus_bridge.dds import qos
+from bus_bridge.dds.carrier import Discovered, NodeTopic
 from bus_bridge.dds.client_pairs import ClientPairs
 from bus_bridge.dds.graph import (
     Added,
@@ -39,38 +41,31 @@ from bus_bridge.dds.names import (
     service_part_from_dds,
     topic_from_dds,
     type_from_dds,
-    user_data_of,
 )
-from bus_bridge.dds.node_info import NodeInfo
-from bus_bridge.dds.participant import Participant, policies_of, user_data_in
 from bus_bridge.dds.service_types import KnownServices
-from bus_bridge.engine import EndpointKind, FarEndpoint, FarNode, FarSide
+from bus_bridge.engine import FarEndpoint, FarNode, FarSide
 from bus_bridge.errors import BridgeError
 
 __all__ = ["Discovery"]
 
-_ALIVE: Final = 16
-_BATCH: Final = 256
 _MOST_UNKNOWN: Final = 1000
 """Most endpoints of unknown types that are kept, because their types may become known."""
 
 
 class Discovery:
-    """Discovery of one participant. It ends with the participant.
+    """What discovery has found: the Listener of a carrier.
 
     `on_change` is called after each piece of news, for code that uses handles.
     """
 
     def __init__(
         self,
-        participant: Participant,
         graph: DomainGraph,
         types: KnownTypes,
         services: KnownServices,
         far: FarSide,
         on_change: Callable[[], None],
     ) -> None:
-        self._participant = participant
         self._graph = graph
         self._types = types
         self._services = services
@@ -89,20 +84,11 @@ class Discovery:
         """Participants that are refused as long as they exist, by their announcer."""
         self.publishers: dict[str, dict[bytes, qos.ReaderKind]] = {}
         """Far publishers by topic and gid."""
-        self._unknown: dict[bytes, tuple[int, bytes, Any, EndpointKind]] = {}
+        self._unknown: dict[bytes, Discovered] = {}
         """Endpoints of unknown types, by gid: their types may become known."""
-        self.node_info: NodeInfo | None = None
+        self.node_topic: NodeTopic | None = None
         self._topics: dict[bytes, str] = {}
         self._client_pairs = ClientPairs()
-        self._scheduled: set[str] = set()
-        self._readers: dict[str, Any] = {}
-
-    def open(self, node_info: NodeInfo) -> None:
-        """Start; `node_info` learns of the writers of its topic."""
-        self.node_info = node_info
-        for what in ("DcpsParticipant", "DcpsPublication", "DcpsSubscription"):
-            self._readers[what] = self._participant.watch(what, self._waker(what))
-            self._schedule(what)
 
     def close(self) -> None:
         """Stop reporting news."""
@@ -126,7 +112,7 @@ class Discovery:
     def _ignore(self, participant: bytes) -> None:
         for gid in self._graph.endpoints_of(participant):
             if (handle := self.handles.get(gid)) is not None:
-                self._endpoint_removed(gid, handle)
+                self.endpoint_removed(gid, handle)
                 self.marked.add(handle)
         self._report(self._graph.participant_removed(participant))
         self._on_change()
@@ -135,8 +121,8 @@ class Discovery:
         """Try endpoints of unknown types again, because a type has become known."""
         if self._unknown:
             unknown, self._unknown = self._unknown, {}
-            for handle, participant, sample, kind in unknown.values():
-                self._endpoint_added(handle, participant, sample, kind)
+            for found in unknown.values():
+                self.endpoint_added(found)
 
     def _is_right(self, node: NodeEntities) -> bool:
         try:
@@ -148,141 +134,46 @@ class Discovery:
             return False
         return True
 
-    def _waker(self, what: str) -> Callable[[], None]:
-        def wake() -> None:  # in a thread of Cyclone
-            if what not in self._scheduled:
-                self._scheduled.add(what)
-                self._loop.call_soon_threadsafe(self._drain, what)
+    # --- news of the carrier
 
-        return wake
+    def participant_added(self, participant: bytes, user_data: Mapping[str, str]) -> None:
+        self._graph.participant_added(participant, speaks_ros=ENCLAVE in user_data)
 
-    def _schedule(self, what: str) -> None:
-        self._scheduled.add(what)
-        self._loop.call_soon(self._drain, what)
+    def participant_removed(self, participant: bytes) -> None:
+        self.refused.pop(announcer_of(participant), None)
+        self._report(self._graph.participant_removed(participant))
 
-    def _drain(self, what: str) -> None:
-        self._scheduled.discard(what)
-        if self._is_closed or what not in self._readers:
-            return
-        samples = self._readers[what].take(_BATCH)
-        for sample in samples:
-            is_alive = sample.sample_info.instance_state == _ALIVE
-            guid = sample.key.bytes
-            if what == "DcpsParticipant":
-                if is_alive:
-                    said = user_data_of(user_data_in(sample.qos))
-                    self._graph.participant_added(guid, speaks_ros=ENCLAVE in said)
-                else:
-                    self.refused.pop(announcer_of(guid), None)
-                    self._report(self._graph.participant_removed(guid))
-            elif not is_alive:
-                self._endpoint_removed(guid, sample.sample_info.instance_handle)
-            elif sample.participant_key.bytes != self._participant.guid:
-                kind: EndpointKind = "publisher" if what == "DcpsPublication" else "subscription"
-                handle = sample.sample_info.instance_handle
-                self._endpoint_added(handle, sample.participant_key.bytes, sample, kind)
-        if len(samples) == _BATCH:
-            self._schedule(what)
-        if samples:
-            self._on_change()
+    def changed(self) -> None:
+        self._on_change()
 
-    def _endpoint_added(self, handle: int, participant: bytes, sample: Any, kind: EndpointKind) -> None:
-        said = user_data_of(user_data_in(sample.qos))
-        if MARK in said or announcer_of(participant) in self.refused:
+    def endpoint_added(self, found: Discovered) -> None:
+        handle, gid = found.handle, found.gid
+        if MARK in found.user_data or announcer_of(found.participant) in self.refused:
             self.marked.add(handle)
-            if self.node_info is not None and kind_of(sample.topic_name) == "graph":
-                self.node_info.ignore(handle)
+            if self.node_topic is not None and kind_of(found.topic) == "graph":
+                self.node_topic.ignore(handle)
             return
-        gid = sample.key.bytes
         self.gids[handle] = gid
-        match kind_of(sample.topic_name):
-            case "graph" if kind == "publisher" and self.node_info is not None:
-                self.node_info.writer_added(handle, participant, "typehash" not in said)
+        match kind_of(found.topic):
+            case "graph" if found.kind == "publisher" and self.node_topic is not None:
+                self.node_topic.writer_added(handle, found.participant, "typehash" not in found.user_data)
             case "service":
-                for one in self._service_endpoints(handle, participant, sample, kind):
+                for one in self._service_endpoints(found):
                     self._report(self._graph.endpoint_added(one, time.monotonic()))
             case "topic":
-                found = self._endpoint(handle, participant, sample, kind, said.get("typehash", ""))
-                if found is not None:
+                of_topic = self._topic_endpoint(found)
+                if of_topic is not None:
                     self.handles[gid] = handle
-                    if kind == "publisher":
-                        topic, offered = found.endpoint.topic, found.endpoint.qos
+                    if found.kind == "publisher":
+                        topic, offered = of_topic.endpoint.topic, of_topic.endpoint.qos
                         self.publishers.setdefault(topic, {})[gid] = qos.ReaderKind(
                             offered.durability is Durability.TRANSIENT_LOCAL,
                             offered.reliability is Reliability.RELIABLE,
                         )
                         self._topics[gid] = topic
-                    self._report(self._graph.endpoint_added(found, time.monotonic()))
+                    self._report(self._graph.endpoint_added(of_topic, time.monotonic()))
 
-    def _endpoint(
-        self, handle: int, participant: bytes, sample: Any, kind: EndpointKind, type_hash: str
-    ) -> Found | None:
-        topic, type_name = topic_from_dds(sample.topic_name), type_from_dds(sample.type_name)
-        if topic is None:
-            return None
-        gid = sample.key.bytes
-        if type_name is None:
-            self._far.warn(f"topic {topic} of ROS 2 is left out: {sample.type_name!r} is not a type of ROS 2")
-            return None
-        try:
-            validate_full_topic_name(topic)
-            schema = self._types.find(type_name, type_hash).schema
-            profile = qos.profile_of(policies_of(sample.qos))
-        except BridgeError as error:
-            self._unknown_type(handle, participant, sample, kind)
-            self._far.warn(f"topic {topic} of ROS 2 is left out: {error}")
-            return None
-        except ConfigurationError as error:
-            self._far.warn(f"topic {topic} of ROS 2 is left out: {str(error).splitlines()[0]}")
-            return None
-        return Found(
-            participant, FarEndpoint(kind, gid, "", topic, schema.type_name, schema.type_hash, profile)
-        )
-
-    def _service_endpoints(
-        self, handle: int, participant: bytes, sample: Any, kind: EndpointKind
-    ) -> list[Found]:
-        """The endpoints to report now that one of a server or client was found. Their messages go by
-        RTPS."""
-        part = service_part_from_dds(sample.topic_name, sample.type_name)
-        if part is None:
-            self._far.warn(
-                f"'{sample.topic_name:.300}' of ROS 2 is left out: {sample.type_name!r:.300} is not its type"
-            )
-            return []
-        topic = request_topic(part.service) if part.is_request else reply_topic(part.service)
-        try:
-            validate_full_topic_name(topic)
-            types = self._services.find(part.type_name)
-        except BridgeError as error:
-            self._unknown_type(handle, participant, sample, kind)
-            self._far.warn(f"service {part.service} of ROS 2 is left out: {error}")
-            return []
-        except ConfigurationError as error:
-            reason = str(error).splitlines()[0]
-            self._far.warn(f"service {part.service} of ROS 2 is left out: {reason}")
-            return []
-        schema = types.requests if part.is_request else types.replies
-        profile = qos.OF_SERVICES if kind == "publisher" else keeping_all(qos.OF_SERVICES)
-        found = Found(
-            participant,
-            FarEndpoint(kind, sample.key.bytes, "", topic, schema.type_name, schema.type_hash, profile),
-        )
-        is_of_client = part.is_request is (kind == "publisher")
-        return self._client_pairs.added(found, part.service) if is_of_client else [found]
-
-    def _unknown_type(self, handle: int, participant: bytes, sample: Any, kind: EndpointKind) -> None:
-        """Keep an endpoint whose type is not known: it may become known."""
-        gid = sample.key.bytes
-        if gid in self._unknown or len(self._unknown) < _MOST_UNKNOWN:
-            self._unknown[gid] = handle, participant, sample, kind
-        else:
-            self._far.warn(
-                f"more than {_MOST_UNKNOWN:,} endpoints of ROS 2 have types that are not known here: "
-                "further ones are left out until they are created again"
-            )
-
-    def _endpoint_removed(self, gid: bytes, handle: int) -> None:
+    def endpoint_removed(self, gid: bytes, handle: int) -> None:
         self.gids.pop(handle, None)
         self.handles.pop(gid, None)
         self._unknown.pop(gid, None)
@@ -292,9 +183,77 @@ class Discovery:
             del self.publishers[topic][gid]
             if not self.publishers[topic]:
                 del self.publishers[topic]
-        if self.node_info is not None:
-            self.node_info.writer_removed(handle)
+        if self.node_topic is not None:
+            self.node_topic.writer_removed(handle)
         self._report(self._graph.endpoint_removed(gid))
+
+    def is_marked(self, handle: int) -> bool:
+        return handle in self.marked
+
+    def is_mirrored(self, gid: bytes) -> bool:
+        return gid in self.handles
+
+    def is_far(self, handle: int) -> bool:
+        return handle in self.gids
+
+    # --- inside
+
+    def _topic_endpoint(self, found: Discovered) -> Found | None:
+        topic, type_name = topic_from_dds(found.topic), type_from_dds(found.type_name)
+        if topic is None:
+            return None
+        if type_name is None:
+            self._far.warn(f"topic {topic} of ROS 2 is left out: {found.type_name!r} is not a type of ROS 2")
+            return None
+        try:
+            validate_full_topic_name(topic)
+            schema = self._types.find(type_name, found.user_data.get("typehash", "")).schema
+            profile = qos.profile_of(found.policies)
+        except BridgeError as error:
+            self._unknown_type(found)
+            self._far.warn(f"topic {topic} of ROS 2 is left out: {error}")
+            return None
+        except ConfigurationError as error:
+            self._far.warn(f"topic {topic} of ROS 2 is left out: {str(error).splitlines()[0]}")
+            return None
+        return _found(found, topic, schema, profile)
+
+    def _service_endpoints(self, found: Discovered) -> list[Found]:
+        """The endpoints to report now that one of a server or client was found. Their messages go by
+        RTPS."""
+        part = service_part_from_dds(found.topic, found.type_name)
+        if part is None:
+            self._far.warn(
+                f"'{found.topic:.300}' of ROS 2 is left out: {found.type_name!r:.300} is not its type"
+            )
+            return []
+        topic = request_topic(part.service) if part.is_request else reply_topic(part.service)
+        try:
+            validate_full_topic_name(topic)
+            types = self._services.find(part.type_name)
+        except BridgeError as error:
+            self._unknown_type(found)
+            self._far.warn(f"service {part.service} of ROS 2 is left out: {error}")
+            return []
+        except ConfigurationError as error:
+            reason = str(error).splitlines()[0]
+            self._far.warn(f"service {part.service} of ROS 2 is left out: {reason}")
+            return []
+        schema = types.requests if part.is_request else types.replies
+        profile = qos.OF_SERVICES if found.kind == "publisher" else keeping_all(qos.OF_SERVICES)
+        one = _found(found, topic, schema, profile)
+        is_of_client = part.is_request is (found.kind == "publisher")
+        return self._client_pairs.added(one, part.service) if is_of_client else [one]
+
+    def _unknown_type(self, found: Discovered) -> None:
+        """Keep an endpoint whose type is not known: it may become known."""
+        if found.gid in self._unknown or len(self._unknown) < _MOST_UNKNOWN:
+            self._unknown[found.gid] = found
+        else:
+            self._far.warn(
+                f"more than {_MOST_UNKNOWN:,} endpoints of ROS 2 have types that are not known here: "
+                "further ones are left out until they are created again"
+            )
 
     def _report(self, news: News) -> None:
         for piece in news:
@@ -315,3 +274,8 @@ class Discovery:
     def _pass_time(self) -> None:
         self._timer = None
         self._report(self._graph.pass_time(time.monotonic()))
+
+
+def _found(found: Discovered, topic: str, schema: MessageSchema, profile: QoSProfile) -> Found:
+    endpoint = FarEndpoint(found.kind, found.gid, "", topic, schema.type_name, schema.type_hash, profile)
+    return Found(found.participant, endpoint)

@@ -3,7 +3,7 @@ Pure."""
 
 from collections import Counter, deque
 from collections.abc import Hashable, Iterator, Mapping, Sequence
-from typing import Generic, NamedTuple, TypeVar
+from typing import Generic, TypeVar
 
 from bus.vocabulary import DropReason
 
@@ -16,17 +16,16 @@ Arrived = tuple[bytes, int]
 """A message, and its time of publication."""
 
 K = TypeVar("K", bound=Hashable)
+V = TypeVar("V", bound=tuple[bytes, *tuple[int, ...]])
 
 
-class _Kept(NamedTuple):
-    messages: deque[Arrived]
-    lost: Counter[DropReason]
+class _Kept(Generic[V]):
+    def __init__(self) -> None:
+        self.messages: deque[V] = deque()
+        self.lost: Counter[DropReason] = Counter()
 
 
-_NOTHING = _Kept(deque(maxlen=0), Counter())
-
-
-class Early(Generic[K]):
+class Early(Generic[K, V]):
     """Messages by handle of their writer, or by its GUID.
 
     At most `depth` messages of each writer (None: no limit), and at most `max_bytes` and a million messages
@@ -37,7 +36,7 @@ class Early(Generic[K]):
         self._depth = depth
         self._max_bytes = max_bytes
         self._bytes = self._count = 0
-        self._by_handle: dict[K, _Kept] = {}
+        self._by_handle: dict[K, _Kept[V]] = {}
 
     def __iter__(self) -> Iterator[K]:
         """The handles of writers with waiting messages."""
@@ -47,12 +46,12 @@ class Early(Generic[K]):
         """The number of waiting messages."""
         return self._count
 
-    def put(self, handle: K, one: Arrived) -> bool:
+    def put(self, handle: K, one: V) -> bool:
         """Add a message; returns whether it is the first of its writer."""
         kept = self._by_handle.get(handle)
         is_first = kept is None
         if kept is None:
-            kept = self._by_handle[handle] = _Kept(deque(), Counter())
+            kept = self._by_handle[handle] = _Kept()
         messages, size = kept.messages, len(one[0])
         messages.append(one)
         self._bytes += size
@@ -69,12 +68,14 @@ class Early(Generic[K]):
             kept.lost[reason] += 1
         return is_first
 
-    def pop(self, handle: K) -> tuple[Sequence[Arrived], Mapping[DropReason, int]]:
+    def pop(self, handle: K) -> tuple[Sequence[V], Mapping[DropReason, int]]:
         """Remove the messages of a writer; returns them in order, and the number of lost ones by reason."""
-        messages, lost = self._by_handle.pop(handle, _NOTHING)
-        self._bytes -= sum([len(data) for data, _ in messages])
-        self._count -= len(messages)
-        return messages, lost
+        kept = self._by_handle.pop(handle, None)
+        if kept is None:
+            return (), {}
+        self._bytes -= sum([len(one[0]) for one in kept.messages])
+        self._count -= len(kept.messages)
+        return kept.messages, kept.lost
 
     def clear(self) -> None:
         self._by_handle.clear()

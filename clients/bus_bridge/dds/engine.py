@@ -1,6 +1,6 @@
 """The engine for DDS: shows nodes and topics of this bus in a DDS domain as ROS 2 does, and the reverse.
 
-Owns: the bridge's requests, and two participants for them: one of cyclonedds for topics, one of our own RTPS
+Owns: the bridge's requests, and two participants for them: one of the carrier for topics, one of our own RTPS
 for services. The other modules do the separate tasks.
 """
 
@@ -14,20 +14,17 @@ from bus.names import service_of_topic
 from bus.qos import Liveliness
 from bus.schema import MessageSchema
 from bus_bridge.batch import Batch
+from bus_bridge.dds.carrier import Carrier, TopicReader
 from bus_bridge.dds.discovery import Discovery
 from bus_bridge.dds.graph import DomainGraph, NodeEntities
 from bus_bridge.dds.interfaces import LOOPBACK, address_of, check_interface
 from bus_bridge.dds.known_types import KnownType, KnownTypes
-from bus_bridge.dds.names import ENCLAVE, MARK, topic_to_dds, user_data
-from bus_bridge.dds.node_info import NodeInfo
+from bus_bridge.dds.names import ENCLAVE, MARK, user_data
 from bus_bridge.dds.options import DdsOptions
-from bus_bridge.dds.participant import Participant
 from bus_bridge.dds.qos import ReaderKind, kinds_for, of_publisher, of_subscription
-from bus_bridge.dds.reading import FarWay, Intake, Ways
 from bus_bridge.dds.service_types import KnownServices
 from bus_bridge.dds.service_ways import ServiceWays
 from bus_bridge.dds.services import Services
-from bus_bridge.dds.writing import DdsWriter
 from bus_bridge.engine import (
     FarBus,
     FarEndpoint,
@@ -62,48 +59,38 @@ class DdsEngine:
     """
 
     name = "ros2"
-    has_numbers = False
 
     def __init__(self, bus: str, options: DdsOptions) -> None:
         self._options = options
         self.only_bus = f"dds{options.domain}"
+        self.has_numbers = options.carrier_used == "rtps"
         self._mark = {MARK: bus}
         self._nodes: dict[int, _Node] = {}
-        self._writers: set[DdsWriter] = set()
         self._subscriptions: set[_Subscription] = set()
-        self._participant: Participant | None = None
-        self._left: Participant | None = None
-        """The participant, after the end of everything else."""
+        self._carrier: Carrier | None = None
+        self._left: Carrier | None = None
+        """The carrier, after the end of everything else."""
         self._refusal = ""
 
     async def open(self, far: FarSide) -> None:
         self._far = far
         self._bus = FarBus(self.only_bus)
-        # Its threads and sockets take some milliseconds, and no other task runs yet.
-        participant = Participant(self._options, user_data({ENCLAVE: "/", **self._mark}))
+        host, peers = await self._find_network()
+        carrier = self._make_carrier(host, peers)
         try:
-            self._services = await self._open_services()
+            self._services = self._join_services(host, peers)
         except BaseException:
-            participant.close()
+            carrier.close()
             raise
-        self._participant = participant
-        self.types = KnownTypes()
+        self._carrier = carrier
+        self.types = KnownTypes(needs_idl=not self.has_numbers)
         known = KnownServices()
         self._known_services = known
         self._service_ways = ServiceWays(self._services, known, user_data(self._mark), self._show_end)
         self._graph = DomainGraph(self._bus.id)
-        self._discovery = Discovery(participant, self._graph, self.types, known, far, self._discovered)
-        self._ways = Ways(self._discovery.marked)
-        self._node_info = NodeInfo(
-            participant,
-            self._options.distro,
-            self._mark,
-            self._entities,
-            self._discovery.nodes_said,
-            far.warn,
-        )
+        self._discovery = Discovery(self._graph, self.types, known, far, self._discovered)
         far.bus_added(self._bus)
-        self._discovery.open(self._node_info)
+        self._discovery.node_topic = carrier.open(self._discovery, self._entities, far.warn)
         self._say_nodes()
 
     async def close(self) -> None:
@@ -129,7 +116,7 @@ class DdsEngine:
         rule: RouteRule,
         on_change: Callable[[], None],
     ) -> Writer:
-        participant = self._joined()
+        carrier = self._joined()
         if service_of_topic(endpoint.topic) is not None:
             return self._service_ways.announce_publisher(endpoint, schema, on_change)
         known = self._learn(schema)
@@ -137,18 +124,14 @@ class DdsEngine:
             self._far.warn(
                 "ROS 2 sees publishers with manual liveliness as automatic: their assertions do not cross"
             )
-        writer = DdsWriter(
-            participant,
-            topic_to_dds(endpoint.topic),
+        writer = carrier.make_writer(
+            endpoint,
             known,
             of_publisher(endpoint.qos, rule.depth or known.depth),
-            self._user_data(known),
             on_change,
-            far=self._discovery.gids,
-            on_close=lambda writer: self._writer_closed(writer, endpoint.node),
+            lambda gid: self._writer_closed(gid, endpoint.node),
         )
         self._node_of(endpoint.node).writers[writer.gid] = None
-        self._writers.add(writer)
         self._say_nodes()
         return writer
 
@@ -180,25 +163,22 @@ class DdsEngine:
         handle = self._discovery.handles.get(endpoint.gid)
         if handle is None:
             raise BridgeError(f"the publisher of {endpoint.topic} has left DDS domain {self._options.domain}")
-        known = self._learn(schema)
-        way = FarWay(self._ways, endpoint.gid, handle, topic_to_dds(endpoint.topic), known, on_batch)
-        self._ways.begin(way)
-        return way
+        return self._joined().read(endpoint, handle, self._learn(schema), on_batch)
 
     def refuse(self, bus_id: str, reason: str, announcer: str = "") -> None:
         if announcer:
             self._discovery.refuse(announcer)
         elif bus_id == self._bus.id and not self._refusal:
             self._refusal = reason
-            if (participant := self._end()) is not None:
-                asyncio.get_running_loop().call_later(_LEAVE_S, participant.close)
+            if (carrier := self._end()) is not None:
+                asyncio.get_running_loop().call_later(_LEAVE_S, carrier.close)
             self._far.bus_removed(bus_id, reason)
 
     def links(self) -> Sequence[LinkStatus]:
         address = self._address()
         if self._refusal:
             return [LinkStatus(address, "refused", self._bus.id, self._refusal)]
-        if self._participant is None:
+        if self._carrier is None:
             return []
         count, refused = self._graph.participants, len(self._discovery.refused)
         text = counted(count, "participant")
@@ -208,62 +188,53 @@ class DdsEngine:
         """As `Engine.refusals`. Always 0: DDS has no connections."""
         return 0, ""
 
-    def make_intake(self, endpoint: LocalEndpoint, known: KnownType, kind: ReaderKind) -> Intake:
+    def make_reader(self, endpoint: LocalEndpoint, known: KnownType, kind: ReaderKind) -> TopicReader:
         """Make a reader for a subscription of this bus, shown to ROS 2. Raises NotCarried if the engine has
         ended."""
-        participant = self._joined()
         policies = of_subscription(endpoint.qos, known.depth, kind)
-        topic = topic_to_dds(endpoint.topic)
-        intake = Intake(self._ways, participant, topic, known, policies, self._user_data(known))
-        self._ways.add(intake)
-        self._node_of(endpoint.node).readers[intake.gid] = None
+        reader = self._joined().make_reader(endpoint, known, policies)
+        self._node_of(endpoint.node).readers[reader.gid] = None
         self._say_nodes()
-        return intake
+        return reader
 
-    def retire_intake(self, endpoint: LocalEndpoint, intake: Intake) -> None:
+    def retire_reader(self, endpoint: LocalEndpoint, reader: TopicReader) -> None:
         """End the reader of a subscription that is no longer shown."""
         if (node := self._nodes.get(endpoint.node.id)) is not None:
-            node.readers.pop(intake.gid, None)
+            node.readers.pop(reader.gid, None)
         self._say_nodes()
-        if self._participant is not None:
-            self._ways.retire(intake)
+        if self._carrier is not None:
+            self._carrier.retire_reader(reader)
 
-    def _writer_closed(self, writer: DdsWriter, node: LocalNode) -> None:
-        self._writers.discard(writer)
+    def _writer_closed(self, gid: bytes, node: LocalNode) -> None:
         if (known := self._nodes.get(node.id)) is not None:
-            known.writers.pop(writer.gid, None)
+            known.writers.pop(gid, None)
         self._say_nodes()
 
     def _withdraw_subscription(self, subscription: "_Subscription") -> None:
         self._subscriptions.discard(subscription)
         subscription.close()
 
-    def _end(self) -> Participant | None:
-        """End everything except Cyclone's threads, which tell other participants. None if that was done
+    def _end(self) -> Carrier | None:
+        """End everything except the carrier's threads, which tell other participants. None if that was done
         before."""
-        participant, self._participant = self._participant, None
-        if participant is not None:
-            self._left = participant
+        carrier, self._carrier = self._carrier, None
+        if carrier is not None:
+            self._left = carrier
             self._discovery.close()
-            self._node_info.close()
-            self._ways.close()
-            for writer in list(self._writers):
-                writer.close()
             self._subscriptions.clear()
             self._service_ways.close()
             self._services.close()
-            participant.leave()
-        return participant
+            carrier.leave()
+        return carrier
 
-    def _joined(self) -> Participant:
-        if self._participant is None:
+    def _joined(self) -> Carrier:
+        if self._carrier is None:
             raise NotCarried(f"{self._address()} is ignored now: {self._refusal}")
-        return self._participant
+        return self._carrier
 
     def _discovered(self) -> None:
-        for writer in self._writers:
-            writer.update_matches()
-        self._ways.keep_only(self._discovery.handles)
+        if self._carrier is not None:
+            self._carrier.update()
         for subscription in self._subscriptions:
             topic = subscription.endpoint.topic
             try:
@@ -274,8 +245,18 @@ class DdsEngine:
     def _far_kinds(self, topic: str) -> set[ReaderKind]:
         return set(self._discovery.publishers.get(topic, {}).values())
 
-    async def _open_services(self) -> Services:
-        """Join the domain by RTPS. Raises BridgeError."""
+    def _make_carrier(self, host: str, peers: tuple[str, ...]) -> Carrier:
+        """Join the domain, for topics. Raises BridgeError."""
+        if self.has_numbers:
+            from bus_bridge.dds.rtps_topics import RtpsCarrier
+
+            return RtpsCarrier(self._options.domain, host, peers, self._mark)
+        from bus_bridge.dds.cyclone import CycloneCarrier
+
+        return CycloneCarrier(self._options, self._mark)
+
+    async def _find_network(self) -> tuple[str, tuple[str, ...]]:
+        """The address of our interface, and those of the peers. Raises BridgeError."""
         options = self._options
         peers = []
         for peer in options.peers:
@@ -284,15 +265,19 @@ class DdsEngine:
             except OSError as error:
                 self._far.warn(f"services of ROS 2 on {peer} are not reached: {error.strerror}")
             else:
-                peers.append(found[0][4][0])
+                peers.append(str(found[0][4][0]))
         if options.interface:
             check_interface(options.interface)
+        return LOOPBACK if options.is_local else address_of(options.interface), tuple(peers)
+
+    def _join_services(self, host: str, peers: tuple[str, ...]) -> Services:
+        """Join the domain, for services. Raises BridgeError."""
         return Services(
-            options.domain,
+            self._options.domain,
             self._far.warn,
             lambda guid: self._service_ways.endpoint_gone(guid),
-            host=LOOPBACK if options.is_local else address_of(options.interface),
-            peers=tuple(map(str, peers)),
+            host=host,
+            peers=peers,
             user_data=user_data({ENCLAVE: "/", **self._mark}),
         )
 
@@ -315,17 +300,14 @@ class DdsEngine:
         return self._nodes.setdefault(node.id, _Node(node))
 
     def _say_nodes(self) -> None:
-        if self._participant is not None:
-            self._node_info.say()
+        if self._carrier is not None:
+            self._carrier.say_nodes()
 
     def _entities(self) -> list[NodeEntities]:
         return [
             NodeEntities(each.node.namespace, each.node.name, tuple(each.readers), tuple(each.writers))
             for each in self._nodes.values()
         ]
-
-    def _user_data(self, known: KnownType) -> bytes:
-        return user_data({"typehash": known.codec.type_hash, **self._mark})
 
     def _address(self) -> str:
         return f"DDS domain {self._options.domain} on {self._options.interface or 'loopback'}"
@@ -338,18 +320,18 @@ class _Subscription:
         self.endpoint = endpoint
         self._engine = engine
         self._known = known
-        self._intakes: dict[ReaderKind, Intake] = {}
+        self._readers: dict[ReaderKind, TopicReader] = {}
 
     def adapt(self, far: set[ReaderKind]) -> None:
         """Make and end readers, so that they fit these far publishers."""
         wanted = kinds_for(self.endpoint.qos, far)
-        if wanted == self._intakes.keys():
+        if wanted == self._readers.keys():
             return
-        for kind in wanted - self._intakes.keys():
-            self._intakes[kind] = self._engine.make_intake(self.endpoint, self._known, kind)
-        for kind in self._intakes.keys() - wanted:
-            self._engine.retire_intake(self.endpoint, self._intakes.pop(kind))
+        for kind in wanted - self._readers.keys():
+            self._readers[kind] = self._engine.make_reader(self.endpoint, self._known, kind)
+        for kind in self._readers.keys() - wanted:
+            self._engine.retire_reader(self.endpoint, self._readers.pop(kind))
 
     def close(self) -> None:
-        while self._intakes:
-            self._engine.retire_intake(self.endpoint, self._intakes.popitem()[1])
+        while self._readers:
+            self._engine.retire_reader(self.endpoint, self._readers.popitem()[1])

@@ -32,9 +32,10 @@ class KnownType:
 
 
 class KnownTypes:
-    """All types known so far."""
+    """All types known so far. `needs_idl`: whether cyclonedds must be able to describe them."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, needs_idl: bool = True) -> None:
+        self._needs_idl = needs_idl
         self._by_schema: dict[tuple[str, str], KnownType] = {}
         self._by_ros_name: dict[str, KnownType] = {}
 
@@ -44,7 +45,8 @@ class KnownTypes:
         if (known := self._by_schema.get(key)) is None:
             try:
                 known = KnownType(schema)
-                known.idl  # noqa: B018 - raises now, before any other step
+                if self._needs_idl:
+                    known.idl  # noqa: B018 - raises now, before any other step
             except ConfigurationError as error:
                 raise BridgeError(f"{schema.type_name} can't go to ROS 2: {error}") from None
             self._by_schema[key] = known

@@ -2,15 +2,17 @@
 
 import ipaddress
 import os
+from importlib.util import find_spec
 from typing import Final, Literal
 
 import msgspec
 
 from bus_bridge.errors import BridgeError
 
-__all__ = ["MAX_DOMAIN", "DdsOptions", "Distro", "checked_interface", "checked_peer"]
+__all__ = ["MAX_DOMAIN", "CarrierName", "DdsOptions", "Distro", "checked_interface", "checked_peer"]
 
 Distro = Literal["auto", "humble"]
+CarrierName = Literal["auto", "cyclonedds", "rtps"]
 
 MAX_DOMAIN: Final = 232
 """The highest domain: above it, port numbers would be too high."""
@@ -28,6 +30,15 @@ class DdsOptions(msgspec.Struct, frozen=True):
     distro: Distro = "auto"
     """`humble`: nodes of this bus are listed in Humble's form, which later distros can't read. `auto`: in the
     form of the first ROS 2 participant, or the newer form if there is none."""
+    carrier: CarrierName = "auto"
+    """What carries topics: cyclonedds, or the RTPS of busd. `auto`: cyclonedds if it is installed."""
+
+    @property
+    def carrier_used(self) -> CarrierName:
+        """The carrier to use: `cyclonedds` or `rtps`."""
+        if self.carrier != "auto":
+            return self.carrier
+        return "cyclonedds" if find_spec("cyclonedds") is not None else "rtps"
 
     @property
     def domain(self) -> int:
@@ -59,6 +70,8 @@ class DdsOptions(msgspec.Struct, frozen=True):
             )
         if self.distro not in ("auto", "humble"):
             raise BridgeError(f"the distro must be auto or humble, not '{self.distro}'")
+        if self.distro == "humble" and self.carrier_used == "rtps":
+            raise BridgeError("the distro humble needs cyclonedds as the carrier")
 
 
 def checked_interface(text: str) -> str:

@@ -7,7 +7,7 @@ repeated or missing.
 """
 
 import asyncio
-from collections.abc import Callable, Container, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from enum import Enum
 from typing import Final
 
@@ -95,7 +95,7 @@ class Intake:
         self._is_hushed = False
         """Whether it is polled in each turn of the loop, and DDS does not call back."""
         self._holds = 0
-        self._early: Early[int] = (
+        self._early: Early[int, Arrived] = (
             Early(None, _EARLY_BYTES_OF_ALL) if policies.keep_all else Early(known.depth, _EARLY_BYTES)
         )
         """Messages that arrived before a reader was chosen for them."""
@@ -297,10 +297,11 @@ class FarWay:
 
 
 class Ways:
-    """All readers and routes in. `marked` has the handles of other busds' writers, which are ignored."""
+    """All readers and routes in. `is_marked` says whether the writer with that handle is another busd's: then
+    it is ignored."""
 
-    def __init__(self, marked: Container[int]) -> None:
-        self._marked = marked
+    def __init__(self, is_marked: Callable[[int], bool]) -> None:
+        self.is_marked = is_marked
         self._lingering: set[Intake] = set()
         self._loop = asyncio.get_running_loop()
         self._intakes: dict[str, list[Intake]] = {}
@@ -308,9 +309,6 @@ class Ways:
         self._by_topic: dict[str, dict[int, FarWay]] = {}
         self._last_ns: dict[bytes, int] = {}
         """The time of the last message of publishers that were read before, by gid."""
-
-    def is_marked(self, handle: int) -> bool:
-        return handle in self._marked
 
     def close(self) -> None:
         """End all readers at once."""
@@ -362,9 +360,9 @@ class Ways:
             intake.early(way.handle)
         way.carrier = None
 
-    def keep_only(self, gids: Container[bytes]) -> None:
-        """Forget publishers that are not in `gids`: they have gone for good."""
-        for gid in [gid for gid in self._last_ns if gid not in gids]:
+    def keep_only(self, is_there: Callable[[bytes], bool]) -> None:
+        """Forget other publishers than these: they have gone for good."""
+        for gid in [gid for gid in self._last_ns if not is_there(gid)]:
             del self._last_ns[gid]
 
     def choose_all(self, topic: str) -> None:

@@ -20,7 +20,7 @@ from bus.names import reply_topic, request_topic, service_of_topic
 from bus.schema import MessageSchema
 from bus.vocabulary import DropReason
 from bus_bridge.batch import Batch, Loose, Sample
-from bus_bridge.dds.early import Early
+from bus_bridge.dds.early import Arrived, Early
 from bus_bridge.dds.service_calls import CallsFromRos, CallsToRos
 from bus_bridge.dds.service_types import KnownServices, ServiceTypes
 from bus_bridge.dds.services import Services
@@ -56,7 +56,7 @@ class ServiceWays:
         self._ends: dict[_Key, list[_End]] = {}
         self._readers: dict[bytes, _Reader] = {}
         """Routes in, by the GUID of the far writer."""
-        self._early: Early[bytes] = Early(_EARLY, _EARLY_BYTES)
+        self._early: Early[bytes, Arrived] = Early(_EARLY, _EARLY_BYTES)
         """Messages that came before the bridge had a route for them."""
 
     def announce_publisher(

@@ -22,7 +22,7 @@ from bus_bridge.dds.service_identity import (
 )
 from bus_bridge.dds.turns import Turns
 from bus_bridge.errors import BridgeError
-from bus_bridge.rtps.announcements import EndpointData
+from bus_bridge.rtps.announcements import EndpointData, ParticipantData
 from bus_bridge.rtps.ids import PREFIX_BYTES
 from bus_bridge.rtps.parameters import RtpsError
 from bus_bridge.rtps.reader import Arrived
@@ -127,6 +127,12 @@ class Services:
             self._servers.discard(end)
 
     # --- news of the participant
+
+    def participant_added(self, data: ParticipantData) -> None:
+        """Its endpoints decide."""
+
+    def participant_removed(self, prefix: bytes) -> None:
+        """Its endpoints were removed before."""
 
     def endpoint_added(self, endpoint: EndpointData, vendor: bytes) -> None:
         self._vendors[endpoint.guid] = vendor

@@ -5,7 +5,7 @@ a batch waits with the caller.
 """
 
 import asyncio
-from collections.abc import Callable, Container
+from collections.abc import Callable
 from typing import Final
 
 from bus.vocabulary import DropReason
@@ -23,8 +23,8 @@ _LONGEST_PAUSE_S: Final = 0.02
 
 
 class DdsWriter:
-    """The Writer that `announce_publisher` returns. `far` has the handles of far readers, without busds'
-    own."""
+    """The Writer that `announce_publisher` returns. `is_far` says whether the reader with that handle belongs
+    to another program than busd."""
 
     def __init__(
         self,
@@ -35,13 +35,13 @@ class DdsWriter:
         user_data: bytes,
         on_change: Callable[[], None],
         *,
-        far: Container[int],
+        is_far: Callable[[int], bool],
         on_close: Callable[["DdsWriter"], None],
     ) -> None:
         self.is_wanted = False
         self.lost: dict[str, int] = {}
         self._on_change = on_change
-        self._far = far
+        self._is_far = is_far
         self._on_close = on_close
         self._encode = known.codec.encode
         self._loop = asyncio.get_running_loop()
@@ -63,7 +63,7 @@ class DdsWriter:
         """Update the matched readers after a possible change."""
         if self._is_closed:
             return
-        is_wanted = any(handle in self._far for handle in self._endpoint.matched_readers())
+        is_wanted = any(map(self._is_far, self._endpoint.matched_readers()))
         if is_wanted != self.is_wanted:
             self.is_wanted = is_wanted
             self._on_change()

@@ -91,7 +91,11 @@ class Settings(NamedTuple):
 
 
 class Events(Protocol):
-    """The receiver of news about wanted endpoints. Its methods must not raise."""
+    """The receiver of news about participants and wanted endpoints. Its methods must not raise."""
+
+    def participant_added(self, data: ParticipantData) -> None: ...
+    def participant_removed(self, prefix: bytes) -> None:
+        """Called after its endpoints were removed."""
 
     def endpoint_added(self, endpoint: EndpointData, vendor: bytes) -> None: ...
     def endpoint_removed(self, endpoint: EndpointData) -> None: ...
@@ -432,6 +436,7 @@ class Participant:
             )
             return
         assert far.discovery_address is not None
+        self._events.participant_added(data)
         self._announce(far.discovery_address)
         for entity, end in list(self._ends.items()):
             if entity not in _BUILTIN:
@@ -508,6 +513,7 @@ class Participant:
             else:
                 end.remove_writer(far.prefix + _writer_of(entity))
         self.far.remove(far)
+        self._events.participant_removed(far.prefix)
 
 
 def _reader_of(writer: bytes) -> bytes:

@@ -43,7 +43,7 @@ class RunningParticipant:
         user_data: bytes = b"enclave=/;",
         bounds: Bounds = USUAL_BOUNDS,
     ) -> None:
-        self._loop = asyncio.get_running_loop()
+        self.loop = asyncio.get_running_loop()
         is_local = ipaddress.ip_address(host).is_loopback
         self._sockets = Sockets(domain, host, multicast=not is_local)
         called = [(GROUP, multicast_port(domain))] if not is_local else []
@@ -64,8 +64,13 @@ class RunningParticipant:
         self._is_closed = False
         self.core.start(time.monotonic_ns())
         for descriptor in self._sockets.descriptors:
-            self._loop.add_reader(descriptor, self._receive, descriptor)
+            self.loop.add_reader(descriptor, self._receive, descriptor)
         self._plan()
+
+    @property
+    def prefix(self) -> bytes:
+        """Its part of all GUIDs of ours."""
+        return self.core.prefix
 
     @property
     def unsent(self) -> int:
@@ -143,7 +148,7 @@ class RunningParticipant:
         if self._timer is not None:
             self._timer.cancel()
         for descriptor in self._sockets.descriptors:
-            self._loop.remove_reader(descriptor)
+            self.loop.remove_reader(descriptor)
         self.core.flush()
         self.core.leave(time.monotonic_ns())
         self._sockets.close()
@@ -152,7 +157,7 @@ class RunningParticipant:
         """Send at the end of this turn of the event loop, in few datagrams."""
         if not self.core.gathers and not self._is_closed:
             self.core.gathers = True
-            self._loop.call_soon(self._flush)
+            self.loop.call_soon(self._flush)
 
     def _flush(self) -> None:
         if not self._is_closed:
@@ -176,10 +181,10 @@ class RunningParticipant:
             return
         due_ns = self.core.due_ns
         wait_s = _LONGEST_SLEEP_S if due_ns is None else max(due_ns - time.monotonic_ns(), 0) / 1e9
-        at_s = self._loop.time() + wait_s
+        at_s = self.loop.time() + wait_s
         if self._timer is not None:
             if self._timer_at_s <= at_s:
                 return  # it looks again then
             self._timer.cancel()
         self._timer_at_s = at_s
-        self._timer = self._loop.call_at(at_s, self._act)
+        self._timer = self.loop.call_at(at_s, self._act)

@@ -142,6 +142,12 @@ class Writer:
         far = self._readers.get(guid)
         return far is not None and far.has_answered
 
+    def is_known_to(self, guid: bytes) -> bool:
+        """Whether that reader is matched and knows this writer, as far as can be known: it has acknowledged
+        anything, or it never does (best effort)."""
+        far = self._readers.get(guid)
+        return far is not None and (far.has_answered or not far.reliable)
+
     def acknowledged(self, guid: bytes) -> int:
         """Up to which number the reader has everything; 0 if it is not matched."""
         far = self._readers.get(guid)

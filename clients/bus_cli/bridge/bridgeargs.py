@@ -50,11 +50,11 @@ def add_bridge_arguments(parser: ArgumentParser, engine: str) -> None:
 def run_bridge(args: Namespace, engine: str, flags: dict[str, Any]) -> int:
     """Run a bridge until a signal. `flags`: further options of the command line, by the keys of busd.toml."""
     from bus_bridge.config import TABLES, load, merged
-    from bus_bridge.extras import why_missing
+    from bus_bridge.extras import EXTRAS, why_missing
 
     path = socket_path(args.socket, args.domain)
     table = _from_flags(TABLES[engine], args, flags)
-    if why := why_missing(engine):
+    if not EXTRAS[engine].is_optional and (why := why_missing(engine)):
         raise CommandError(why)
     if file := args.config or config_file(path):
         table = merged(load(file, TABLES[engine]), table)

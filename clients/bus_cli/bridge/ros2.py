@@ -6,8 +6,8 @@ from bus.base.optional import how_to_install
 from bus_cli.bridge.bridgeargs import add_bridge_arguments, run_bridge
 
 _EPILOG = f"""\
-Topics cross; services, actions and parameters don't. DDS has no protection: choose an --interface with
-a network that you trust. Needs cyclonedds: {how_to_install("cyclonedds")}
+Topics, services, actions and parameters cross. DDS has no protection: choose an --interface with a
+network that you trust. Topics are fastest with cyclonedds: {how_to_install("cyclonedds")}
 See docs/bridge.md
 """
 
@@ -34,6 +34,11 @@ def add_arguments(parser: ArgumentParser) -> None:
         choices=("auto", "humble"),
         help="format of ROS 2's graph messages: Humble's, or detected (default: auto)",
     )
+    group.add_argument(
+        "--carrier",
+        choices=("auto", "cyclonedds", "rtps"),
+        help="what carries topics: cyclonedds if it is installed, or busd's own RTPS (default: auto)",
+    )
     add_bridge_arguments(parser, "ros2")
 
 
@@ -44,5 +49,6 @@ def main(args: Namespace) -> int:
         "interface": args.interface,
         "peers": args.peer,
         "distro": args.distro,
+        "carrier": args.carrier,
     }
     return run_bridge(args, "ros2", flags)

@@ -41,9 +41,11 @@ def examine(file: Path | None, running: Collection[str] = ()) -> Iterator[Findin
         if why := why_missing(engine):
             text, _, advice = why.partition(": ")
             yield (warn("bridges", text, advice) if is_wanted else ok("bridges", why))
-            continue
-        extra = EXTRAS[engine]
-        yield ok("bridges", f"{extra.distribution} {version(extra.distribution)}")
+            if not EXTRAS[engine].is_optional:
+                continue
+        else:
+            extra = EXTRAS[engine]
+            yield ok("bridges", f"{extra.distribution} {version(extra.distribution)}")
         yield from _ports(table, is_running=engine in running)
         if engine == "ros2":
             yield _receive_buffers()

@@ -6,6 +6,7 @@ from bus_bridge import extras
 from rows import for_each
 
 X86, ARM = "x86_64", "aarch64"
+FASTER = "a bridge to ros2 is faster with cyclonedds"
 
 
 @pytest.fixture
@@ -28,19 +29,23 @@ def nothing_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
             (3, 14),
             "a bridge to zenoh needs eclipse-zenoh: pip install 'eclipse-zenoh>=1.10,<2'",
         ),
-        ("ros2", X86, (3, 13), "a bridge to ros2 needs cyclonedds: pip install 'cyclonedds>=11.0.1'"),
+        (
+            "ros2",
+            X86,
+            (3, 13),
+            f"{FASTER}: pip install 'cyclonedds>=11.0.1'",
+        ),
         (
             "ros2",
             ARM,
             (3, 11),
-            "a bridge to ros2 needs cyclonedds, of which there is no package for aarch64, only for x86_64",
+            f"{FASTER}, of which there is no package for aarch64, only for x86_64",
         ),
         (
             "ros2",
             X86,
             (3, 14),
-            "a bridge to ros2 needs cyclonedds, of which there is no package for Python 3.14 yet: "
-            "use 3.13 or older",
+            f"{FASTER}, of which there is no package for Python 3.14 yet: use 3.13 or older",
         ),
     ],
 )

@@ -3,18 +3,18 @@
 import pytest
 
 from bus_bridge.dds import early as early_module
-from bus_bridge.dds.early import Early
+from bus_bridge.dds.early import Arrived, Early
 
 OF_ONE, OF_OTHER = 1, 2
 
 
-def data(early: Early[int], handle: int) -> list[bytes]:
+def data(early: Early[int, Arrived], handle: int) -> list[bytes]:
     messages, _ = early.pop(handle)
     return [data for data, _ in messages]
 
 
 def test_what_came_of_each_writer_is_given_once_and_in_order() -> None:
-    early: Early[int] = Early(10, 1000)
+    early: Early[int, Arrived] = Early(10, 1000)
     assert [early.put(OF_ONE, (b"a", 1)), early.put(OF_OTHER, (b"b", 1)), early.put(OF_ONE, (b"c", 2))] == [
         True,
         True,
@@ -28,7 +28,7 @@ def test_what_came_of_each_writer_is_given_once_and_in_order() -> None:
 
 
 def test_beyond_the_depth_the_oldest_go_and_are_counted() -> None:
-    early: Early[int] = Early(3, 1000)
+    early: Early[int, Arrived] = Early(3, 1000)
     for number in range(5):
         early.put(OF_ONE, (bytes([number]), number))
     early.put(OF_OTHER, (b"b", 1))
@@ -38,7 +38,7 @@ def test_beyond_the_depth_the_oldest_go_and_are_counted() -> None:
 
 
 def test_beyond_the_bytes_the_oldest_of_that_writer_go() -> None:
-    early: Early[int] = Early(10, 10)
+    early: Early[int, Arrived] = Early(10, 10)
     early.put(OF_OTHER, (b"1234", 1))
     for byte in b"abc":
         early.put(OF_ONE, (3 * bytes([byte]), 1))
@@ -50,7 +50,7 @@ def test_beyond_the_bytes_the_oldest_of_that_writer_go() -> None:
 
 
 def test_without_a_depth_there_are_as_many_as_have_room() -> None:
-    early: Early[int] = Early(None, 10_000)
+    early: Early[int, Arrived] = Early(None, 10_000)
     for number in range(10_002):
         early.put(OF_ONE, (b"x", number))
     early.put(OF_OTHER, (b"y", 1))  # no room is left for it
@@ -62,7 +62,7 @@ def test_without_a_depth_there_are_as_many_as_have_room() -> None:
 
 def test_there_is_a_bound_for_messages_without_content_too(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(early_module, "_MOST_MESSAGES", 3)
-    early: Early[int] = Early(None, 100)
+    early: Early[int, Arrived] = Early(None, 100)
     early.put(OF_OTHER, (b"", 1))
     for number in range(4):
         early.put(OF_ONE, (b"", number))
@@ -75,7 +75,7 @@ def test_there_is_a_bound_for_messages_without_content_too(monkeypatch: pytest.M
 
 
 def test_all_of_it_may_be_forgotten() -> None:
-    early: Early[int] = Early(None, 1)
+    early: Early[int, Arrived] = Early(None, 1)
     early.put(OF_ONE, (b"x", 1))
     early.clear()
     assert [*early] == [] and early.put(OF_ONE, (b"y", 1)) and data(early, OF_ONE) == [b"y"]

@@ -35,7 +35,7 @@ class Scene:
     def __init__(self, state: State, monkeypatch: pytest.MonkeyPatch) -> None:
         self.takes = 0
         self.endpoint = Endpoint()
-        self.ways = Ways(set())
+        self.ways = Ways(lambda handle: False)
         monkeypatch.setattr(raw, "taker_of", lambda entity: self._take)
         participant: Any = SimpleNamespace(make_reader=lambda *_: self.endpoint)
         known: Any = SimpleNamespace(depth=10, idl=None)

@@ -2,7 +2,7 @@
 
 import asyncio
 
-from bus_bridge.rtps.announcements import EndpointData
+from bus_bridge.rtps.announcements import EndpointData, ParticipantData
 from bus_bridge.rtps.reader import Arrived
 from bus_bridge.rtps.running import RunningParticipant
 from conftest import WAIT_S
@@ -17,7 +17,15 @@ class News:
 
     def __init__(self) -> None:
         self.topics: list[str] = []
+        self.participants: set[bytes] = set()
         self.changed = asyncio.Event()
+
+    def participant_added(self, data: ParticipantData) -> None:
+        assert data.prefix not in self.participants
+        self.participants.add(data.prefix)
+
+    def participant_removed(self, prefix: bytes) -> None:
+        self.participants.remove(prefix)
 
     def endpoint_added(self, endpoint: EndpointData, vendor: bytes) -> None:
         self.topics.append(endpoint.topic)

@@ -1,0 +1,549 @@
+"""The carrier of topics on our own RTPS: one participant, its discovery, and its routes.
+
+Owns: the readers and writers of this bus in RTPS, and which reader carries the messages of a far writer. It
+serves if cyclonedds is not installed, as on machines for which it has no package.
+
+RTPS numbers every message. So each message of a far writer is passed on once, by the strongest of the readers
+that are matched with it. If another reader takes over, it continues after the last number.
+"""
+
+import asyncio
+import time
+from collections import defaultdict
+from collections.abc import Callable, Sequence
+from typing import Final
+
+from bus.vocabulary import DropReason
+from bus_bridge.batch import Batch, Loose, Sample
+from bus_bridge.dds import qos
+from bus_bridge.dds.carrier import Discovered, Listener, NodeTopic, TopicReader
+from bus_bridge.dds.early import Early
+from bus_bridge.dds.graph import GID_SIZE, HUMBLE_GID_SIZE, NodeEntities, decode, encode
+from bus_bridge.dds.known_types import KnownType
+from bus_bridge.dds.names import (
+    ENCLAVE,
+    GRAPH_TOPIC,
+    GRAPH_TYPE_HASH,
+    MARK,
+    kind_of,
+    topic_to_dds,
+    type_to_dds,
+    user_data,
+    user_data_of,
+)
+from bus_bridge.engine import FarEndpoint, LocalEndpoint, Reader
+from bus_bridge.rtps.announcements import EndpointData, ParticipantData, Policies
+from bus_bridge.rtps.ids import PARTICIPANT, PREFIX_BYTES
+from bus_bridge.rtps.reader import Arrived
+from bus_bridge.rtps.running import RunningParticipant
+from bus_bridge.rtps.writer import Keeping
+from bus_ros.cdr import CdrError
+
+__all__ = ["RtpsCarrier"]
+
+_KEPT_BYTES: Final = 64 << 20
+_LOSSLESS: Final = 10_000
+"""Messages of a lossless publisher that far readers have not acknowledged. Above that, it waits."""
+_FIRST_PAUSE_S: Final = 0.001
+_LONGEST_PAUSE_S: Final = 0.02
+_LOOK_S: Final = 0.005
+_EARLY_BYTES: Final = 8 << 20
+_EARLY_BYTES_OF_ALL: Final = 64 << 20
+"""The limit for early messages of subscriptions with keep all."""
+_PATIENCE_S: Final = 10.0
+"""Time for which messages of a writer wait for their route. Messages that it keeps for late joiners wait
+longer."""
+_MANUAL_BY_TOPIC: Final = 2
+_LATCHED: Final = Policies(durability=1)
+
+_NumberedArrival = tuple[bytes, int, int]
+"""A message in CDR, its number, and its time of publication."""
+
+
+class RtpsCarrier:
+    """A Carrier. `mark` is in the USER_DATA of everything of ours. Raises BridgeError like
+    RunningParticipant."""
+
+    has_numbers = True
+
+    def __init__(self, domain: int, host: str, peers: tuple[str, ...], mark: dict[str, str]) -> None:
+        self._mark = mark
+        self._loop = asyncio.get_running_loop()
+        self._listener: Listener | None = None
+        self._warn: Callable[[str], None] = lambda text: None
+        self._is_due = False
+        self._writers: set[_Writer] = set()
+        self._readers: defaultdict[str, list[_Reader]] = defaultdict(list)
+        """Our readers by topic."""
+        self._routes: dict[bytes, _Route] = {}
+        """Routes in, by GUID of the far writer."""
+        self._carrying: dict[bytes, _Reader] = {}
+        """The reader that carries the messages of a far writer."""
+        self._last: dict[bytes, int] = {}
+        """The last number of writers that were read before, by GUID."""
+        self.participant = RunningParticipant(
+            domain, self, _is_wanted, host=host, peers=peers, user_data=user_data({ENCLAVE: "/", **mark})
+        )
+        self._nodes = _Nodes(self.participant, mark)
+
+    def open(
+        self,
+        listener: Listener,
+        nodes: Callable[[], Sequence[NodeEntities]],
+        warn: Callable[[str], None],
+    ) -> NodeTopic:
+        self._listener, self._warn = listener, warn
+        self._nodes.open(nodes, listener)
+        return self._nodes
+
+    def say_nodes(self) -> None:
+        self._nodes.say()
+
+    def make_writer(
+        self,
+        endpoint: LocalEndpoint,
+        known: KnownType,
+        policies: qos.Policies,
+        on_change: Callable[[], None],
+        on_close: Callable[[bytes], object],
+    ) -> "_Writer":
+        def closed(writer: _Writer) -> None:
+            self._writers.discard(writer)
+            on_close(writer.gid)
+
+        topic, data = topic_to_dds(endpoint.topic), self._data(known)
+        writer = _Writer(self.participant, topic, known, policies, data, on_change, closed)
+        self._writers.add(writer)
+        self._loop.call_soon(writer.update)
+        return writer
+
+    def make_reader(self, endpoint: LocalEndpoint, known: KnownType, policies: qos.Policies) -> "_Reader":
+        reader = _Reader(self, topic_to_dds(endpoint.topic), known, policies, self._data(known))
+        self._readers[reader.topic].append(reader)
+        self.choose(reader.topic)
+        return reader
+
+    def retire_reader(self, reader: TopicReader) -> None:
+        assert isinstance(reader, _Reader)
+        of_topic = self._readers[reader.topic]
+        of_topic.remove(reader)
+        if not of_topic:
+            del self._readers[reader.topic]
+        reader.close()
+        self.choose(reader.topic)
+
+    def read(
+        self, endpoint: FarEndpoint, handle: int, known: KnownType, on_batch: Callable[[Batch], None]
+    ) -> Reader:
+        gid = endpoint.gid
+        route = _Route(self, gid, known, on_batch)
+        route.last = self._last.get(gid, 0)
+        self._routes[gid] = route
+        self.choose(topic_to_dds(endpoint.topic))
+        carrying = self._carrying.get(gid)
+        if carrying is not None:
+            early, lost = carrying.early.pop(gid)
+            for reason, count in lost.items():
+                route.lose(reason, count)
+            route.early.extend(early)
+            self._loop.call_soon(route.take, ())  # not now: the caller does not have this object yet
+        return route
+
+    def update(self) -> None:
+        for writer in list(self._writers):
+            writer.update()
+        for topic in list(self._readers):
+            self.choose(topic)
+        listener = self._listener
+        if listener is not None:
+            for gid in [gid for gid in self._last if not listener.is_mirrored(gid)]:
+                del self._last[gid]
+
+    def leave(self) -> None:
+        self._nodes.close()
+        for writer in list(self._writers):
+            writer.close()
+        self.participant.close()
+
+    def close(self) -> None:
+        """There are no threads; everything has ended already."""
+        self.participant.close()
+
+    # --- for the parts in this file
+
+    def choose(self, topic: str) -> None:
+        """Choose the reader that carries the messages of each far writer of a topic."""
+        best: dict[bytes, _Reader] = {}
+        for reader in sorted(self._readers.get(topic, ()), key=lambda one: qos.strength(one.policies)):
+            best |= dict.fromkeys(reader.local.matched, reader)
+        for gid in [gid for gid, one in self._carrying.items() if one.topic == topic and gid not in best]:
+            del self._carrying[gid]
+        self._carrying |= best
+
+    def arrived(self, reader: "_Reader", one: Arrived) -> None:
+        """Handle a message that one of our readers has received."""
+        if one.payload is None:
+            return
+        gid = one.writer
+        carrying = self._carrying.get(gid)
+        if carrying is None:
+            self.choose(reader.topic)
+            carrying = self._carrying.get(gid)
+        if carrying is not reader:
+            return
+        arrival = one.payload, one.number, one.time_ns or time.time_ns()
+        route = self._routes.get(gid)
+        if route is not None:
+            route.take([arrival])
+        elif gid not in self._last:  # a route may be on its way
+            is_first = reader.early.put(gid, arrival)
+            if is_first and not reader.policies.transient_local:
+                self._loop.call_later(_PATIENCE_S, reader.early.pop, gid)
+
+    def route_closed(self, route: "_Route") -> None:
+        if self._routes.get(route.gid) is route:
+            del self._routes[route.gid]
+            self._last[route.gid] = route.last
+
+    # --- news of the participant
+
+    def participant_added(self, data: ParticipantData) -> None:
+        if self._listener is not None:
+            self._listener.participant_added(data.prefix + PARTICIPANT, user_data_of(data.user_data))
+            self._changed()
+
+    def participant_removed(self, prefix: bytes) -> None:
+        if self._listener is not None:
+            self._listener.participant_removed(prefix + PARTICIPANT)
+            self._changed()
+
+    def endpoint_added(self, endpoint: EndpointData, vendor: bytes) -> None:
+        if self._listener is None:
+            return
+        self._listener.endpoint_added(
+            Discovered(
+                _handle(endpoint.guid),
+                endpoint.guid[:PREFIX_BYTES] + PARTICIPANT,
+                "publisher" if endpoint.kind == "writer" else "subscription",
+                endpoint.guid,
+                endpoint.topic,
+                endpoint.type_name,
+                _from_rtps(endpoint.policies),
+                user_data_of(endpoint.user_data),
+            )
+        )
+        self._changed()
+
+    def endpoint_removed(self, endpoint: EndpointData) -> None:
+        if self._listener is not None:
+            self._listener.endpoint_removed(endpoint.guid, _handle(endpoint.guid))
+            self._changed()
+        for reader in self._readers.get(endpoint.topic, ()):
+            reader.early.pop(endpoint.guid)
+        self._carrying.pop(endpoint.guid, None)
+
+    def warn(self, text: str) -> None:
+        self._warn(text)
+
+    # --- inside
+
+    def _changed(self) -> None:
+        """Report the change after the endpoints were matched, once for many."""
+        if not self._is_due:
+            self._is_due = True
+            self._loop.call_soon(self._report)
+
+    def _report(self) -> None:
+        self._is_due = False
+        if self._listener is not None:
+            self._listener.changed()
+
+    def _data(self, known: KnownType) -> bytes:
+        return user_data({"typehash": known.codec.type_hash, **self._mark})
+
+
+class _Writer:
+    """The route out of a publisher."""
+
+    def __init__(
+        self,
+        participant: RunningParticipant,
+        topic: str,
+        known: KnownType,
+        policies: qos.Policies,
+        data: bytes,
+        on_change: Callable[[], None],
+        on_close: Callable[["_Writer"], None],
+    ) -> None:
+        self.is_wanted = False
+        self._participant = participant
+        self._encode = known.codec.encode
+        self._on_change = on_change
+        self._on_close = on_close
+        self._lost: dict[str, int] = {}
+        self._last = 0
+        self._most = _LOSSLESS if policies.keep_all else 0
+        self._pause_s = _FIRST_PAUSE_S
+        self._timer: asyncio.TimerHandle | None = None
+        self._match_timer: asyncio.TimerHandle | None = None
+        self._is_closed = False
+        changes = _LOSSLESS + 1 if policies.keep_all else policies.depth
+        self._local = participant.add_writer(
+            topic,
+            type_to_dds(known.codec.type_name),
+            policies=_to_rtps(policies),
+            user_data=data,
+            keeping=Keeping(changes, _KEPT_BYTES, for_late_joiners=policies.transient_local),
+        )
+        assert self._local.writer is not None
+        self._writer = self._local.writer
+        self.gid = self._local.guid
+
+    @property
+    def lost(self) -> dict[str, int]:
+        if not self._writer.lost:
+            return self._lost
+        return {**self._lost, DropReason.REPLACED: self._writer.lost}
+
+    @property
+    def _is_full(self) -> bool:
+        """Whether a lossless publisher has to wait."""
+        kept = self._writer
+        return self._most > 0 and (kept.kept >= self._most or kept.kept_bytes >= _KEPT_BYTES // 2)
+
+    def update(self) -> None:
+        """Update whether a far reader is matched, after a possible change."""
+        readers = [] if self._is_closed else self._local.matched
+        is_wanted = any(map(self._writer.is_known_to, readers))
+        if readers and not is_wanted:
+            self._look_again()
+        if is_wanted != self.is_wanted:
+            self.is_wanted = is_wanted
+            self._on_change()
+
+    def _look_again(self) -> None:
+        # RTPS gives no news of the first acknowledgment. It comes within milliseconds of the match. A message
+        # before it could be replaced before it has arrived.
+        if self._match_timer is None:
+            self._match_timer = self._participant.loop.call_later(_LOOK_S, self._looked)
+
+    def _looked(self) -> None:
+        self._match_timer = None
+        self.update()
+
+    def write(self, batch: Batch) -> int:
+        if self._is_closed:
+            return batch.count
+        for gone, (payload, number, time_ns) in enumerate(batch):
+            if 0 < number <= self._last:
+                continue  # the history for late joiners has it already
+            if self._is_full:
+                self._wait_for_room()
+                return gone
+            try:
+                parts = self._encode(payload)
+            except CdrError:
+                self._lost[DropReason.UNDECODABLE] = self._lost.get(DropReason.UNDECODABLE, 0) + 1
+                continue
+            padding = -sum(map(len, parts)) % 4
+            self._participant.write(self._local, b"".join([*parts, bytes(padding)]), time_ns=time_ns)
+            self._last = number
+        self._pause_s = _FIRST_PAUSE_S
+        return batch.count
+
+    def close(self) -> None:
+        if not self._is_closed:
+            self._is_closed = True
+            self.is_wanted = False
+            for timer in (self._timer, self._match_timer):
+                if timer is not None:
+                    timer.cancel()
+            self._participant.remove(self._local)
+            self._on_close(self)
+
+    def _wait_for_room(self) -> None:
+        # RTPS gives no news of acknowledgments. So poll, with growing pauses.
+        if self._timer is None:
+            self._timer = self._participant.loop.call_later(self._pause_s, self._try_again)
+            self._pause_s = min(2 * self._pause_s, _LONGEST_PAUSE_S)
+
+    def _try_again(self) -> None:
+        self._timer = None
+        self._on_change()
+
+
+class _Reader:
+    """A reader for a subscription of this bus."""
+
+    def __init__(
+        self, carrier: RtpsCarrier, topic: str, known: KnownType, policies: qos.Policies, data: bytes
+    ) -> None:
+        self.topic = topic
+        self.policies = policies
+        self.early: Early[bytes, _NumberedArrival] = (
+            Early(None, _EARLY_BYTES_OF_ALL) if policies.keep_all else Early(known.depth, _EARLY_BYTES)
+        )
+        """Messages that came before the bridge had a route for them."""
+        self._participant = carrier.participant
+        self.local = carrier.participant.add_reader(
+            topic,
+            type_to_dds(known.codec.type_name),
+            lambda one: carrier.arrived(self, one),
+            policies=_to_rtps(policies),
+            user_data=data,
+        )
+
+    @property
+    def gid(self) -> bytes:
+        return self.local.guid
+
+    def close(self) -> None:
+        self.early.clear()
+        self._participant.remove(self.local)
+
+
+class _Route:
+    """The route in from one far publisher: the result of `read`."""
+
+    def __init__(
+        self, carrier: RtpsCarrier, gid: bytes, known: KnownType, on_batch: Callable[[Batch], None]
+    ) -> None:
+        self.gid = gid
+        self.last = 0
+        """The number of the last message that was passed on."""
+        self.lost: dict[str, int] = {}
+        self.early: list[_NumberedArrival] = []
+        """Messages to pass on before all others."""
+        self._carrier = carrier
+        self._decode = known.codec.decode
+        self._on_batch = on_batch
+        self._is_closed = False
+
+    def take(self, arrivals: Sequence[_NumberedArrival]) -> None:
+        """Pass on messages with new numbers, in order."""
+        early, self.early = self.early, []
+        samples = []
+        for cdr, number, time_ns in (*early, *arrivals):
+            if number <= self.last:
+                continue
+            self.last = number
+            try:
+                samples.append(Sample(self._decode(cdr), number, time_ns))
+            except CdrError:
+                self.lose(DropReason.UNDECODABLE)
+        if samples and not self._is_closed:
+            self._on_batch(Loose(samples))
+
+    def lose(self, reason: DropReason, count: int = 1) -> None:
+        self.lost[reason] = self.lost.get(reason, 0) + count
+
+    def taken(self, size: int) -> None:
+        """Does nothing: no writer of DDS waits for it."""
+
+    def close(self) -> None:
+        self._is_closed = True
+        self._carrier.route_closed(self)
+
+
+class _Nodes:
+    """The topic `ros_discovery_info`: our nodes, and those of other participants."""
+
+    def __init__(self, participant: RunningParticipant, mark: dict[str, str]) -> None:
+        self._participant = participant
+        self._data = user_data({"typehash": GRAPH_TYPE_HASH, **mark})
+        self._sizes: dict[bytes, int] = {}
+        """Sizes of gids, by GUID of the far writer."""
+        self._due: asyncio.Handle | None = None
+        self._said = b""
+
+    def open(self, nodes: Callable[[], Sequence[NodeEntities]], listener: Listener) -> None:
+        self._nodes, self._listener = nodes, listener
+        type_name = type_to_dds("rmw_dds_common/msg/ParticipantEntitiesInfo")
+        self._writer = self._participant.add_writer(
+            GRAPH_TOPIC,
+            type_name,
+            policies=_LATCHED,
+            user_data=self._data,
+            keeping=Keeping(changes=1, for_late_joiners=True),
+        )
+        self._participant.add_reader(
+            GRAPH_TOPIC,
+            type_name,
+            self._arrived,
+            policies=_LATCHED._replace(keep_all=True),
+            user_data=self._data,
+        )
+
+    def say(self) -> None:
+        """Send our nodes soon: once for all changes in one turn of the loop."""
+        if self._due is None:
+            self._due = self._participant.loop.call_soon(self._write)
+
+    def close(self) -> None:
+        if self._due is not None:
+            self._due.cancel()
+
+    def writer_added(self, handle: int, participant: bytes, is_humble: bool) -> None:
+        self._sizes[_gid(handle)] = HUMBLE_GID_SIZE if is_humble else GID_SIZE
+
+    def writer_removed(self, handle: int) -> None:
+        self._sizes.pop(_gid(handle), None)
+
+    def ignore(self, handle: int) -> None:
+        """Its messages are ignored anyway: its size is not known."""
+
+    def _write(self) -> None:
+        self._due = None
+        data = encode(self._participant.prefix + PARTICIPANT, self._nodes())
+        if data != self._said:
+            self._participant.write(self._writer, data + bytes(-len(data) % 4))
+            self._said = data
+
+    def _arrived(self, one: Arrived) -> None:
+        size = self._sizes.get(one.writer)
+        if one.payload is None or size is None:
+            return
+        try:
+            participant, nodes = decode(one.payload, size)
+        except ValueError:
+            return  # another layout: a ROS 2 older than Humble, or not ROS 2
+        if participant[:PREFIX_BYTES] == one.writer[:PREFIX_BYTES]:
+            self._listener.nodes_said(one.writer[:PREFIX_BYTES] + PARTICIPANT, nodes)
+
+
+def _is_wanted(endpoint: EndpointData) -> bool:
+    return kind_of(endpoint.topic) != "other" and MARK not in user_data_of(endpoint.user_data)
+
+
+def _handle(gid: bytes) -> int:
+    return int.from_bytes(gid, "big")
+
+
+def _gid(handle: int) -> bytes:
+    return handle.to_bytes(GID_SIZE, "big")
+
+
+def _to_rtps(policies: qos.Policies) -> Policies:
+    return Policies(
+        reliable=policies.reliable,
+        durability=int(policies.transient_local),
+        keep_all=policies.keep_all,
+        depth=policies.depth,
+        deadline_ns=policies.deadline_ns,
+        lifespan_ns=policies.lifespan_ns,
+        liveliness=_MANUAL_BY_TOPIC if policies.manual else 0,
+        lease_ns=policies.lease_ns,
+    )
+
+
+def _from_rtps(policies: Policies) -> qos.Policies:
+    return qos.Policies(
+        reliable=policies.reliable,
+        transient_local=policies.durability > 0,
+        keep_all=policies.keep_all,
+        depth=policies.depth,
+        deadline_ns=policies.deadline_ns,
+        lifespan_ns=policies.lifespan_ns,
+        manual=policies.liveliness == _MANUAL_BY_TOPIC,
+        lease_ns=policies.lease_ns,
+    )
