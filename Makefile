@@ -150,7 +150,7 @@ differential: $(TOOLS) $(ROS_STAMP) ## programs under ROS 2's own rclpy and unde
 	@PYTHONPATH=tests:. $(BIN)/python -m differential $(ARGS)
 
 fuzz: $(FUZZ_STAMP) ## fuzz all that takes input, guided by coverage (SECONDS=60; atheris, and clang for the C parts)
-	PYTHONPATH=tests:tests/world $(BIN)/python -m fuzz --seconds $(or $(SECONDS),60)
+:tests/world $(BIN)/python -m fuzz --seconds $(or $(SECONDS),60)
 
 # Where atheris can't be had, the fuzzers in Python are left out, and the run says so.
 $(FUZZ_STAMP): $(TOOLS)
@@ -167,8 +167,9 @@ $(DOCS_STAMP): pyproject.toml | $(BIN)/python
 	@$(call EXTRA,docs)
 	@touch $@
 
-api: $(TOOLS) ## write docs/api.md, out of the docstrings
+api: $(TOOLS) ## write docs/api.md, out of the docstrings, and docs/protocol-fields.md, out of the messages
 	@$(BIN)/python tests/apipage.py
+	@$(BIN)/python tests/fieldspage.py
 
 messages: $(TOOLS) ## write the classes of bus.msg and bus.srv out of clients/bus/share, and their hashes
 	@$(BIN)/python tests/messageclasses.py

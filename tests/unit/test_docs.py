@@ -135,9 +135,7 @@ class TestProtocol:
         for name, tag, fields, meaning in rows_of(self.text, "message", "tag", "fields"):
             cls = getattr(messages, name)
             assert tag == cls.__struct_config__.tag
-            assert [part.strip().strip("`") for part in fields.split(",")] == list(cls.__struct_fields__), (
-                name
-            )
+            assert re.findall(r"`(\w+)`", f"`{fields}`") == list(cls.__struct_fields__), name
             assert meaning, name
 
     def test_records(self) -> None:
@@ -151,7 +149,7 @@ class TestProtocol:
         described = {row[0]: row[1] for row in rows_of(self.text, "record", "fields")}
         assert set(described) == {cls.__name__ for cls in defined}
         for cls in defined:
-            fields = [part.strip().strip("`") for part in described[cls.__name__].split(",")]
+            fields = re.findall(r"`(\w+)`", f"`{described[cls.__name__]}`")
             assert fields == list(cls.__struct_fields__)
 
     def test_kinds_flags_and_sizes(self) -> None:
