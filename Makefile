@@ -167,9 +167,10 @@ $(DOCS_STAMP): pyproject.toml | $(BIN)/python
 	@$(call EXTRA,docs)
 	@touch $@
 
-api: $(TOOLS) ## write docs/api.md, out of the docstrings, and docs/protocol-fields.md, out of the messages
+api: $(TOOLS) ## write docs/api.md, docs/protocol-fields.md and docs/assets/frames.json, out of the sources
 	@$(BIN)/python tests/apipage.py
 	@$(BIN)/python tests/fieldspage.py
+	@$(BIN)/python tests/framesfile.py
 
 messages: $(TOOLS) ## write the classes of bus.msg and bus.srv out of clients/bus/share, and their hashes
 	@$(BIN)/python tests/messageclasses.py
