@@ -209,6 +209,9 @@ COMMANDS: dict[str, tuple[str, dict[str, str]]] = {
 VERBS_WITH_VERBS = ("doctor", "wtf")
 """Commands that are verbs themselves and also have verbs."""
 
+_STARTS = "--conformance"
+"""The option that has a command line of a program after `--`."""
+
 _MODULES = {"wtf": "doctor"}
 """Modules of commands that have another name."""
 
@@ -266,12 +269,25 @@ def run(words: Sequence[str]) -> int:
 def _run(words: Sequence[str]) -> int:
     if "_ARGCOMPLETE" in os.environ:
         _complete()
+    words, program = own_words(words)
     args = make_parser(words).parse_args(words)
+    args.program = program
     if args.version:
         say(f"bus {RELEASE}")
         return 0
     code: int = args.main(args) or 0
     return code
+
+
+def own_words(words: Sequence[str]) -> tuple[Sequence[str], Sequence[str]]:
+    """The words of this program, and the command line after `--` that `bus doctor --conformance` starts.
+
+    argparse would take its first word for a verb.
+    """
+    if _STARTS not in words or "--" not in words[words.index(_STARTS) :]:
+        return words, ()
+    at = words.index("--", words.index(_STARTS))
+    return words[:at], words[at + 1 :]
 
 
 class _Parser(ArgumentParser):

@@ -19,7 +19,7 @@ from bus.wire import layout, messages, records, session
 from bus.wire.runs import Account, Run, RunQueue
 from bus_bridge.core import continuity
 from bus_bridge.core.continuity import ContinuityEvent
-from bus_cli.main import COMMANDS, VERBS_WITH_VERBS, make_parser
+from bus_cli.main import COMMANDS, VERBS_WITH_VERBS, make_parser, own_words
 from busd.core.match import TRANSITIONS, MatchEvent
 from busd.server import life
 from busd.server.life import LifeEvent
@@ -39,6 +39,7 @@ OURS = (
     "reliability",
     "security",
     "README",
+    "conformance",
 )
 PAGES = {name: (DOCS / f"{name}.md").read_text() for name in OURS}
 README = (ROOT / "README.md").read_text()
@@ -318,11 +319,13 @@ def test_commands_exist(name: str) -> None:
         arguments = [part.strip('"') for part in re.findall(r'"[^"]*"|\S+', text)]
         if arguments[0] != "bus" or arguments[1:2] in (["run"], []):
             continue
-        command, *verb = arguments[1:]
+        words, _ = own_words(arguments[1:])
+        command, *verb = words
         verbs = COMMANDS[command][1]
-        assert not verbs or (not verb and command in VERBS_WITH_VERBS) or verb[0] in verbs, text
-        if len(arguments) > 3 or not verbs:
-            make_parser(arguments[1:]).parse_args(arguments[1:])
+        is_verb = command in VERBS_WITH_VERBS and (not verb or verb[0].startswith("-"))
+        assert not verbs or is_verb or verb[0] in verbs, text
+        if len(words) > 2 or not verbs or verb[:1] == ["--conformance"]:
+            make_parser(words).parse_args(words)
 
 
 def test_make_targets_exist() -> None:

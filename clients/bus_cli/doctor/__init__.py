@@ -7,6 +7,7 @@ Invariants:
 - No check waits for long, because users run the doctor if a daemon or program hangs.
 - `procfs.py` reads data of the kernel, which may be gone or hidden at any time. It does not judge.
 - `reports.py` only states facts, for `--report`; `hello.py` is a verb of its own.
+- `conformance/` tests a client that is not made with this library.
 - A finding of `fail` makes the exit code 1. Each `fail` and `warn` has advice, if there is any.
 
 Read first: `finding.py`. Tests: `tests/unit/bus_cli/doctor/`, `tests/system/test_cli_doctor.py`.
@@ -19,6 +20,7 @@ from collections.abc import Collection, Iterator, Sequence
 from bus.errors import BusError
 from bus.process.address import socket_path
 from bus_cli.doctor import bridges, configuration, daemon, machine, place, processes, topics, versions
+from bus_cli.doctor.conformance.options import add_arguments as add_conformance_arguments
 from bus_cli.doctor.daemon import Seen
 from bus_cli.doctor.finding import Finding, fail, ok
 from bus_cli.doctor.reports import category_of, reports, text_of
@@ -43,9 +45,14 @@ def add_arguments(parser: ArgumentParser) -> None:
         action="store_true",
         help="Include warnings as failed checks. Warnings are ignored by default.",
     )
+    add_conformance_arguments(parser)
 
 
 def main(args: Namespace) -> int:
+    if args.conformance or args.story:
+        from bus_cli.doctor.conformance import program
+
+        return program.main(args)
     if args.report:
         _print_reports(args, None)
         return 0

@@ -28,6 +28,8 @@ OPTIONS: dict[str, object] = {
     "report_failed": False,
     "exclude_packages": False,
     "include_warnings": False,
+    "conformance": False,
+    "story": None,
 }
 
 

@@ -1,0 +1,20 @@
+"""`bus doctor --conformance -- ./client`: whether a client in another language keeps to the protocol.
+
+Starts the client once for each story, with a broker of its own that plays the story and no other clients.
+
+- `conversation.py`: the rules for one connection: what busd would answer, and what the client did wrong
+- `payloads.py`: messages of any type
+- `stage.py`: the socket, the connections and the client's process
+- `stories.py`: the stories
+- `program.py`: plays the stories and prints the outcomes
+- `options.py`: the options, which `bus doctor` has without these modules
+
+Invariants:
+
+- `conversation.py` and `payloads.py` have no I/O and no clock.
+- A text about a mistake names the thing, its value and what it should be.
+- Nothing waits longer than the limit, and no client survives its story.
+
+Read first: `conversation.py`, docs/conformance.md. Tests: `tests/unit/bus_cli/doctor/conformance/`,
+`tests/system/test_conformance.py`.
+"""

@@ -1,0 +1,261 @@
+"""The stories: each is played to a client that was started for it, and returns what the client did.
+
+A story raises Wrong with the client's mistake, or LeftOut if the client gives no occasion for it.
+"""
+
+from collections.abc import Awaitable, Callable, Mapping
+from time import monotonic_ns
+from typing import NamedTuple
+
+import msgspec
+
+from bus.base.counted import counted
+from bus.wire import messages as m
+from bus_cli.doctor.conformance import payloads
+from bus_cli.doctor.conformance.conversation import Endpoint, Wrong, is_plain
+from bus_cli.doctor.conformance.stage import Ended, Peer, Stage
+
+__all__ = ["STORIES", "LeftOut", "Story"]
+
+RELAY = "/conformance/in", "/conformance/out"
+"""A client that publishes on the second topic what comes on the first shows that it understood it."""
+
+_SAMPLES = 3
+_PING_LEASE_S = 1.0
+_TEXT = "this busd refuses the endpoint, to test its client"
+
+
+class LeftOut(Exception):
+    """The story says nothing about this client."""
+
+
+class Story(NamedTuple):
+    play: Callable[[Stage], Awaitable[str]]
+    section: str
+    """The section of docs/protocol.md to read if the client is wrong."""
+
+
+async def _hello(stage: Stage) -> str:
+    peer = await stage.meet()
+    await peer.until(lambda: peer.talk.nodes, "no CreateNode came after busd's Hello")
+    assert peer.hello is not None
+    return f"version {peer.hello.version}, program {peer.hello.program!r}"
+
+
+async def _declare(stage: Stage) -> str:
+    talk = (await stage.declared()).talk
+    shown = [f"{one} ({one.schema.type_name})" for one in talk.endpoints.values() if is_plain(one.topic)]
+    if not shown:
+        raise Wrong("it created no endpoint on a topic of its own")
+    return ", ".join([*(f"node {name}" for name in talk.nodes.values()), *shown])
+
+
+async def _publish(stage: Stage) -> str:
+    peer = await stage.declared()
+    publishers = peer.talk.plain(publishers=True)
+    if not publishers:
+        raise LeftOut("it has no publisher")
+    if (relay := _relay(peer)) is not None:
+        await _feed(peer, relay[0], _SAMPLES)
+    await peer.until(
+        lambda: any(one.samples >= _SAMPLES for one in publishers),
+        f"it published fewer than {_SAMPLES} samples on one topic",
+    )
+    return ", ".join(f"{one.samples} samples on {one.topic}" for one in publishers if one.samples)
+
+
+async def _subscribe(stage: Stage) -> str:
+    peer = await stage.declared()
+    told = []
+    for one in peer.talk.plain(publishers=False):
+        if await _feed(peer, one, 2) and await _feed(peer, one, 1):
+            told.append(f"{one.topic}: {await _confirm(peer, one)}")
+    if not told:
+        raise LeftOut(_no_input(peer))
+    return ", ".join(told)
+
+
+async def _ping(stage: Stage) -> str:
+    peer = await stage.declared(lease_s=_PING_LEASE_S)
+    peer.longest_silence_ns = 0
+    await peer.listen(3 * _PING_LEASE_S)
+    silence_s = peer.longest_silence_ns / 1e9
+    if silence_s > _PING_LEASE_S:
+        raise Wrong(f"it was silent for {silence_s:.1f} s; lease_s of busd's Hello was {_PING_LEASE_S:g}")
+    return f"never silent for more than {silence_s:.1f} s, with a lease of {_PING_LEASE_S:g} s"
+
+
+async def _unknown(stage: Stage) -> str:
+    peer = await stage.declared()
+    try:
+        for one in tuple(peer.talk.endpoints.values()):
+            await _send_odd(peer, one)
+        await peer.sign("after messages with unknown fields")
+    except Ended as error:
+        raise Wrong(f"after a message with a field that it does not know, {error}") from None
+    await peer.send_fields("later", request=1, text="of a later version")
+    try:
+        await peer.sign("after a message with an unknown tag")
+    except Ended:
+        if stage.status is not None:
+            text = f"after a message with an unknown tag {stage.end_in_words()}"
+            raise Wrong(f"{text}; it ignores the message, or connects again") from None
+        await stage.declared()
+        return "ignored unknown fields; connected again after an unknown tag"
+    return "ignored unknown fields and an unknown tag"
+
+
+async def _split(stage: Stage) -> str:
+    peer = await stage.declared(is_cut=True)
+    told = []
+    for one in peer.talk.plain(publishers=False):
+        if await _feed(peer, one, 2):
+            told.append(f"{one.topic}: {await _confirm(peer, one)}")
+    if not told:
+        await peer.sign("after frames in pieces")
+    return ", ".join(["all declared, with every answer byte by byte", *told])
+
+
+async def _refusal(stage: Stage) -> str:
+    peer = await stage.meet(refuses=_TEXT)
+    try:
+        await peer.until(lambda: peer.talk.refused, "it created no endpoint on a topic of its own")
+        await peer.until(lambda: _TEXT in stage.output, f"it did not print the text of Refused ({_TEXT!r})")
+        await peer.sign("after Refused")
+    except Ended:
+        if not peer.talk.refused:
+            raise
+        if _TEXT not in stage.output:
+            text = f"did not print the text of Refused ({_TEXT!r})"
+            raise Wrong(f"it {text}; {stage.end_in_words()}") from None
+        if stage.status == 0:
+            raise Wrong("it ended with status 0, as if nothing was refused") from None
+        if stage.status is not None and stage.status < 0:
+            raise Wrong(stage.end_in_words()) from None
+        return f"printed the text; {stage.end_in_words()}"
+    return "printed the text and continued"
+
+
+async def _restart(stage: Stage) -> str:
+    peer = await stage.declared()
+    before = {one.gid: one for one in peer.talk.endpoints.values()}
+    relay = _relay(peer)
+    fed = [one for one in peer.talk.plain(publishers=False) if await _feed(peer, one, 2)]
+    for one in fed:
+        await _confirm(peer, one)
+    publishers = peer.talk.plain(publishers=True)
+    if publishers:
+        await peer.until(lambda: any(one.samples for one in publishers), "it published nothing")
+    peer.close()
+    peer = await stage.declared()
+    after = {one.gid: one for one in peer.talk.endpoints.values()}
+    for gid, old in before.items():
+        if is_plain(old.topic):
+            _compare(old, after.get(gid))
+    if relay is not None:
+        new = _relay(peer)
+        assert new is not None, "compared above"
+        await _feed(peer, new[0], 1)
+        await _confirm(peer, new[0])
+    else:
+        await peer.sign("after the second declaration")
+    return f"connected and declared again, {counted(len(after), 'endpoint')} with the same gids"
+
+
+def _compare(old: Endpoint, new: Endpoint | None) -> None:
+    """Raise Wrong if an endpoint was not declared again as it was."""
+    if new is None:
+        raise Wrong(f"{old} did not come back with its gid {old.gid.hex()}")
+    if (old.is_publisher, old.topic) != (new.is_publisher, new.topic):
+        raise Wrong(f"the gid of {old} came back for {new}")
+    if old.is_publisher and new.next_seq <= old.last_seq:
+        text = f"next_seq is {new.next_seq}, but its samples up to {old.last_seq} had come"
+        raise Wrong(f"{old} came back with an old number: {text}")
+    if not old.is_publisher and old.samples:
+        said = new.last_seqs.get(old.partner_gid)
+        if said != old.last_seq:
+            text = "nothing" if said is None else str(said)
+            raise Wrong(
+                f"{old} came back with {text} in last_seqs for publisher {old.partner_gid.hex()}; it had "
+                f"received samples up to {old.last_seq}"
+            )
+
+
+def _relay(peer: Peer) -> tuple[Endpoint, Endpoint] | None:
+    """Both ends of the relay, if the client is one."""
+    ends = {one.topic: one for one in peer.talk.endpoints.values()}
+    source, target = (ends.get(topic) for topic in RELAY)
+    if source is None or target is None or source.is_publisher or not target.is_publisher:
+        return None
+    return source, target
+
+
+async def _feed(peer: Peer, one: Endpoint, count: int) -> bool:
+    """Send samples to a subscription; False if its type is not known."""
+    bodies = [payloads.make(one.schema, one.samples + number) for number in range(1, count + 1)]
+    known = [body for body in bodies if body is not None]
+    if len(known) < count:
+        return False
+    await peer.write(peer.talk.feed(one, known, monotonic_ns()))
+    return True
+
+
+async def _confirm(peer: Peer, one: Endpoint) -> str:
+    """Wait until the client shows that it has taken the samples; returns how it did."""
+    relay = _relay(peer)
+    if relay is not None and relay[0] is one:
+        return await _returned(peer, *relay)
+    if one.qos.is_lossless:
+        what = f"no Ack of sample {one.last_seq} came for {one}"
+        await peer.until(lambda: one.acknowledged >= one.last_seq, what)
+        return f"{one.samples} samples acknowledged"
+    await peer.sign(f"after {one.samples} samples for {one}")
+    return f"{one.samples} samples sent"
+
+
+async def _returned(peer: Peer, source: Endpoint, target: Endpoint) -> str:
+    sent = [payloads.make(source.schema, number) for number in range(1, source.samples + 1)]
+    what = f"{target} returned fewer than the {len(sent)} samples of {source.topic}"
+    await peer.until(lambda: len(target.payloads) >= len(sent), what)
+    for number, (there, back) in enumerate(zip(sent, target.payloads, strict=False), 1):
+        if there != back:
+            assert there is not None
+            raise Wrong(
+                f"sample {number} of {source.topic} ({there.hex(' ')}) came back on {target.topic} as "
+                f"{back.hex(' ')}"
+            )
+    return f"{len(sent)} samples returned on {target.topic}"
+
+
+async def _send_odd(peer: Peer, one: Endpoint) -> None:
+    """Messages that a client need not understand, with fields that it can't know."""
+    odd = {"later": {"list": [1, None, 2.5]}}
+    about: m.Message
+    if one.is_publisher:
+        about = m.Incompatible(
+            endpoint=one.id, topic=one.topic, node="/conformance", policy="RELIABILITY", text="a test"
+        )
+    else:
+        about = m.Dropped(subscription=one.id, dropped={"replaced": 1})
+    fields = msgspec.to_builtins(about)
+    await peer.send_fields(fields.pop("m"), **fields, **odd)
+
+
+def _no_input(peer: Peer) -> str:
+    found = [one.schema.type_name for one in peer.talk.plain(publishers=False)]
+    if not found:
+        return "it has no subscription"
+    return f"no message can be made: DeclareType had no schema of {', '.join(found)}"
+
+
+STORIES: Mapping[str, Story] = {
+    "hello": Story(_hello, "The session"),
+    "declare": Story(_declare, "From a client"),
+    "publish": Story(_publish, "Frames"),
+    "subscribe": Story(_subscribe, "Frames"),
+    "ping": Story(_ping, "Liveliness"),
+    "unknown": Story(_unknown, "Versions"),
+    "split": Story(_split, "Frames"),
+    "refusal": Story(_refusal, "Errors and limits"),
+    "restart": Story(_restart, "When busd goes away"),
+}

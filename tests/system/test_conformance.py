@@ -1,0 +1,120 @@
+"""`bus doctor --conformance`: right clients pass all stories, and each mistake is found by its story."""
+
+import asyncio
+import sys
+from pathlib import Path
+
+import pytest
+
+from bus_cli.doctor.conformance.options import NAMES
+from bus_cli.doctor.conformance.program import outcome
+from bus_cli.doctor.conformance.stories import STORIES
+from cli import bus
+from conftest import SOON_S
+from programs import EXAMPLES, on_one_loop
+from wrong_clients import WAYS
+
+TESTS = Path(__file__).parents[1]
+BARE = (sys.executable, str(EXAMPLES / "bare_client.py"))
+WRONG = (sys.executable, str(TESTS / "wrong_clients.py"))
+AT_ONCE = 4
+
+
+async def play(stories: list[tuple[str, list[str]]]) -> list[tuple[str, str]]:
+    """Mark and text of each story with its client."""
+    places = asyncio.Semaphore(AT_ONCE)
+
+    async def one(story: str, command: list[str]) -> tuple[str, str]:
+        async with places:
+            mark, text, _ = await outcome(story, command, SOON_S)
+            return mark, text
+
+    return await asyncio.gather(*(one(story, command) for story, command in stories))
+
+
+@on_one_loop
+async def test_a_right_client_passes_every_story() -> None:
+    played = [(story, [*BARE, "relay"]) for story in STORIES]
+    outcomes = dict(zip(STORIES, await play(played), strict=True))
+    assert {text for mark, text in outcomes.values() if mark != "ok"} == set()
+    assert outcomes["subscribe"][1] == "/conformance/in: 3 samples returned on /conformance/out"
+    assert outcomes["restart"][1] == "connected and declared again, 2 endpoints with the same gids"
+
+
+@on_one_loop
+async def test_stories_without_an_occasion_are_left_out() -> None:
+    played = [(story, [*BARE, role]) for role in ("talk", "listen") for story in ("publish", "subscribe")]
+    assert await play(played) == [
+        ("ok", "3 samples on /topic"),
+        ("-", "left out: it has no subscription"),
+        ("-", "left out: it has no publisher"),
+        ("ok", "/topic: 3 samples sent"),
+    ]
+
+
+@pytest.mark.nightly
+@on_one_loop
+async def test_the_library_itself_passes() -> None:
+    played = [
+        (story, [sys.executable, str(EXAMPLES / f"{name}.py")])
+        for name in ("talker", "listener")
+        for story in STORIES
+    ]
+    outcomes = await play(played)
+    assert [text for mark, text in outcomes if mark == "fail"] == []
+    assert [mark for mark, _ in outcomes].count("-") == 2
+
+
+@on_one_loop
+async def test_each_mistake_is_found_by_its_story() -> None:
+    outcomes = await play([(way.story, [*WRONG, way.client.__name__, way.role]) for way in WAYS])
+    unfound = [
+        (way.client.__name__, mark, text)
+        for way, (mark, text) in zip(WAYS, outcomes, strict=True)
+        if mark != "fail" or way.text not in text
+    ]
+    assert unfound == []
+
+
+def test_every_story_finds_a_mistake() -> None:
+    assert tuple(STORIES) == NAMES
+    assert {way.story for way in WAYS} == set(NAMES)
+
+
+def test_the_program() -> None:
+    result = bus("doctor", "--conformance", "--story", "hello", "--", *BARE, "talk")
+    assert result.out == "[ ok ] hello: version 1, program 'bare_client.py'\n\n1 story passed\n"
+    assert (result.code, result.err) == (0, "")
+
+
+def test_a_mistake_is_shown_with_the_last_lines_of_the_client_and_the_section() -> None:
+    command = (*WRONG, "HappyRefusal", "talk")
+    result = bus("doctor", "--conformance", "--story", "refusal", "--", *command)
+    assert result.code == 1
+    assert result.out == (
+        "[fail] refusal: it ended with status 0, as if nothing was refused\n"
+        "       | this busd refuses the endpoint, to test its client\n"
+        '       -> docs/protocol.md, "Errors and limits"\n'
+        "\n1 of 1 story failed: refusal\n"
+    )
+
+
+def test_the_socket_may_be_an_argument_and_the_outcome_json() -> None:
+    code = "import os, sys; assert sys.argv[1] == os.environ['BUSD_SOCKET']; sys.exit('seen')"
+    command = (sys.executable, "-c", code, "{socket}")
+    result = bus("doctor", "--json", "--conformance", "--story", "hello", "--", *command)
+    assert result.code == 1
+    assert result.out == (
+        '{"story":"hello","mark":"fail","text":"the client ended with status 1","output":["seen"]}\n'
+    )
+
+
+def test_mistakes_of_the_user() -> None:
+    result = bus("doctor", "--conformance")
+    assert (result.code, result.err) == (1, "which client? bus doctor --conformance -- ./client ARGS\n")
+    result = bus("doctor", "--story", "hello")
+    assert (result.code, result.err) == (1, "which client? bus doctor --conformance -- ./client ARGS\n")
+    result = bus("doctor", "--conformance", "--wait", "0", "--", "./missing")
+    assert (result.code, result.err) == (1, "--wait is above 0, not 0\n")
+    result = bus("doctor", "--conformance", "--", "./missing")
+    assert (result.code, result.err) == (1, "./missing can't be started: No such file or directory\n")

@@ -1,0 +1,244 @@
+"""`examples/bare_client.py`, wrong in one way: `python tests/wrong_clients.py WAY ROLE`.
+
+WAYS has each way with the story that finds it, and a part of the text about it.
+"""
+
+import os
+import signal
+import sys
+import time
+from pathlib import Path
+from typing import Any, NamedTuple
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "examples"))
+from bare_client import FRAME, RECORD, RUN, Client, ConnectionLost, Endpoint
+
+
+class NoHello(Client):
+    def send(self, tag: str, **fields: Any) -> None:
+        if tag == "hello":
+            super().send("node+", request=1, name="early")
+        else:
+            super().send(tag, **fields)
+
+
+class OtherVersion(Client):
+    def send(self, tag: str, **fields: Any) -> None:
+        super().send(tag, **fields | ({"version": 9} if tag == "hello" else {}))
+
+
+class SameRequest(Client):
+    def request(self, tag: str, endpoint: Endpoint | None, **fields: Any) -> None:
+        self.requests = 0
+        super().request(tag, endpoint, **fields)
+
+
+class NoType(Client):
+    def send(self, tag: str, **fields: Any) -> None:
+        if tag != "type":
+            super().send(tag, **fields)
+
+
+class OtherHash(Client):
+    def send(self, tag: str, **fields: Any) -> None:
+        super().send(tag, **fields | ({"type_hash": "RIHS01_00"} if tag == "type" else {}))
+
+
+class ShortGid(Client):
+    def declare(self) -> None:
+        for endpoint in self.endpoints:
+            endpoint.gid = endpoint.gid[:4]
+        super().declare()
+
+
+class SameGid(Client):
+    def declare(self) -> None:
+        for endpoint in self.endpoints:
+            endpoint.gid = b"0123456789abcdef"
+        super().declare()
+
+
+class GuessedNode(Client):
+    def declare(self) -> None:
+        self.node = 1
+        super().declare()
+
+
+class RelativeTopic(Client):
+    def declare(self) -> None:
+        self.endpoints[0].topic = "topic"
+        super().declare()
+
+
+class GuessedEndpoint(Client):
+    def send_sample(self, endpoint: Endpoint, payload: bytes) -> None:
+        endpoint.id = 2
+        super().send_sample(endpoint, payload)
+
+
+class WallClock(Client):
+    def write(self, raw: bytes) -> None:
+        if raw[4] == 2:
+            size, _ = RECORD.unpack_from(raw, RUN.size)
+            raw = raw[: RUN.size] + RECORD.pack(size, time.time_ns()) + raw[RUN.size + RECORD.size :]
+        super().write(raw)
+
+
+class Microseconds(Client):
+    def write(self, raw: bytes) -> None:
+        if raw[4] == 2:
+            size, stamp_ns = RECORD.unpack_from(raw, RUN.size)
+            raw = raw[: RUN.size] + RECORD.pack(size, stamp_ns // 1000) + raw[RUN.size + RECORD.size :]
+        super().write(raw)
+
+
+class NoArray(Client):
+    def send_sample(self, endpoint: Endpoint, payload: bytes) -> None:
+        super().send_sample(endpoint, payload[1:])
+
+
+class SameNumber(Client):
+    def send_sample(self, endpoint: Endpoint, payload: bytes) -> None:
+        endpoint.next_seq = 1
+        super().send_sample(endpoint, payload)
+
+
+class LongLength(Client):
+    def write(self, raw: bytes) -> None:
+        """The length counts its own bytes, too."""
+        length, kind, flags, zero = FRAME.unpack_from(raw)
+        super().write(FRAME.pack(length + 4, kind, flags, zero) + raw[FRAME.size :])
+
+
+class FirstRecordOnly(Client):
+    def take_run(self, frame: bytes) -> None:
+        super().take_run(frame[:20] + (1).to_bytes(4, "little") + frame[24:])
+
+
+class WrongPayload(Client):
+    def take_sample(self, payload: bytes) -> None:
+        super().take_sample(payload[:-1] + b"?")
+
+
+class NoPing(Client):
+    def send(self, tag: str, **fields: Any) -> None:
+        if tag == "ping":
+            self.sent_s = time.monotonic()
+        else:
+            super().send(tag, **fields)
+
+
+class NoUnknownField(Client):
+    def take_message(self, message: dict[Any, Any]) -> None:
+        if "later" in message:
+            raise ConnectionLost
+        super().take_message(message)
+
+
+class NoUnknownTag(Client):
+    def take_message(self, message: dict[Any, Any]) -> None:
+        if message["m"] == "later":
+            os.abort()
+        super().take_message(message)
+
+
+class WholeFrames(Client):
+    def frames(self) -> list[bytes]:
+        """Each read is one frame."""
+        raw, self.buffer = self.buffer, b""
+        return [raw[4:]]
+
+
+class SilentRefusal(Client):
+    def take_message(self, message: dict[Any, Any]) -> None:
+        if message["m"] != "refused":
+            super().take_message(message)
+
+
+class HappyRefusal(Client):
+    def take_message(self, message: dict[Any, Any]) -> None:
+        if message["m"] == "refused":
+            print(message["text"])
+            sys.exit(0)
+        super().take_message(message)
+
+
+class NoReturn(Client):
+    def run(self) -> None:
+        try:
+            super().run()
+        finally:
+            sys.exit("busd has gone")
+
+    def read(self) -> None:
+        try:
+            super().read()
+        except ConnectionLost:
+            sys.exit("busd has gone")
+
+
+class NewGids(Client):
+    def declare(self) -> None:
+        for endpoint in self.endpoints:
+            endpoint.gid = os.urandom(16)
+        super().declare()
+
+
+class NumbersFromOne(Client):
+    def declare(self) -> None:
+        for endpoint in self.endpoints:
+            endpoint.next_seq = 1
+        super().declare()
+
+
+class NoLastSeqs(Client):
+    def declare(self) -> None:
+        for endpoint in self.endpoints:
+            endpoint.last_seqs.clear()
+        super().declare()
+
+
+class Way(NamedTuple):
+    client: type[Client]
+    role: str
+    story: str
+    text: str
+
+
+WAYS = [
+    Way(NoHello, "talk", "hello", "a CreateNode came before Hello"),
+    Way(OtherVersion, "talk", "hello", "protocol version 9 offered, this side speaks 1"),
+    Way(SameRequest, "relay", "declare", "request 1 came twice"),
+    Way(NoType, "talk", "declare", "comes without a DeclareType of std_msgs/msg/String with RIHS01_df66"),
+    Way(OtherHash, "talk", "declare", "says RIHS01_00; its schema has RIHS01_df66"),
+    Way(ShortGid, "listen", "declare", "has a gid of 4 bytes; it has 16"),
+    Way(SameGid, "relay", "declare", "has the gid of subscription 42 on /conformance/in"),
+    Way(GuessedNode, "talk", "declare", "names node 1; its nodes are 41"),
+    Way(RelativeTopic, "talk", "declare", "must be absolute"),
+    Way(GuessedEndpoint, "talk", "publish", "a data frame names 2; its publishers are 42"),
+    Way(WallClock, "talk", "publish", "s in the future; stamps are CLOCK_MONOTONIC"),
+    Way(Microseconds, "talk", "publish", "before the client's start; stamps are CLOCK_MONOTONIC in ns"),
+    Way(NoArray, "talk", "publish", "is no std_msgs/msg/String: Expected `array`, got `str`"),
+    Way(SameNumber, "talk", "publish", "sent sample 1; its next number is at least 2"),
+    Way(LongLength, "talk", "hello", "control message not understood"),
+    Way(FirstRecordOnly, "relay", "subscribe", "returned fewer than the 3 samples of /conformance/in"),
+    Way(WrongPayload, "relay", "subscribe", "sample 1 of /conformance/in (91 a9 6d"),
+    Way(NoPing, "listen", "ping", "it was silent for"),
+    Way(NoUnknownField, "listen", "unknown", "after a message with a field that it does not know"),
+    Way(
+        NoUnknownTag, "talk", "unknown", "after a message with an unknown tag the client was ended by SIGABRT"
+    ),
+    Way(WholeFrames, "talk", "split", "it closed the connection; the client ended with status 1"),
+    Way(SilentRefusal, "listen", "refusal", "it did not print the text of Refused"),
+    Way(HappyRefusal, "talk", "refusal", "it ended with status 0, as if nothing was refused"),
+    Way(NoReturn, "talk", "restart", "the client ended with status 1"),
+    Way(NewGids, "talk", "restart", "did not come back with its gid"),
+    Way(NumbersFromOne, "talk", "restart", "next_seq is 1, but its samples up to"),
+    Way(NoLastSeqs, "listen", "restart", "came back with nothing in last_seqs"),
+]
+
+
+if __name__ == "__main__":
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    name, role = sys.argv[1:]
+    next(way.client for way in WAYS if way.client.__name__ == name)(role).run()
