@@ -149,6 +149,14 @@ class WholeFrames(Client):
         return [raw[4:]]
 
 
+class NoPieces(Client):
+    def frames(self) -> list[bytes]:
+        """What is incomplete is dropped."""
+        found = super().frames()
+        self.buffer = b""
+        return found
+
+
 class SilentRefusal(Client):
     def take_message(self, message: dict[Any, Any]) -> None:
         if message["m"] != "refused":
@@ -229,6 +237,7 @@ WAYS = [
         NoUnknownTag, "talk", "unknown", "after a message with an unknown tag the client was ended by SIGABRT"
     ),
     Way(WholeFrames, "talk", "split", "it closed the connection; the client ended with status 1"),
+    Way(NoPieces, "talk", "split", "no CreateNode came after busd's Hello within"),
     Way(SilentRefusal, "listen", "refusal", "it did not print the text of Refused"),
     Way(HappyRefusal, "talk", "refusal", "it ended with status 0, as if nothing was refused"),
     Way(NoReturn, "talk", "restart", "the client ended with status 1"),

@@ -1,11 +1,13 @@
 """`bus doctor --conformance`: right clients pass all stories, and each mistake is found by its story."""
 
 import asyncio
+import os
 import sys
 from pathlib import Path
 
 import pytest
 
+from bus_cli.doctor.conformance import stage
 from bus_cli.doctor.conformance.options import NAMES
 from bus_cli.doctor.conformance.program import outcome
 from bus_cli.doctor.conformance.stories import STORIES
@@ -38,6 +40,8 @@ async def test_a_right_client_passes_every_story() -> None:
     outcomes = dict(zip(STORIES, await play(played), strict=True))
     assert {text for mark, text in outcomes.values() if mark != "ok"} == set()
     assert outcomes["subscribe"][1] == "/conformance/in: 3 samples returned on /conformance/out"
+    declared = "node /bare_relay, subscription 42 on /conformance/in (std_msgs/msg/String), publisher 44 on "
+    assert outcomes["declare"][1].startswith(declared)
     assert outcomes["restart"][1] == "connected and declared again, 2 endpoints with the same gids"
 
 
@@ -74,6 +78,21 @@ async def test_each_mistake_is_found_by_its_story() -> None:
         if mark != "fail" or way.text not in text
     ]
     assert unfound == []
+
+
+@on_one_loop
+async def test_no_client_survives_its_story(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(stage, "_END_S", 0.1)
+    code = (
+        "import os, pathlib, signal, sys; signal.signal(signal.SIGTERM, signal.SIG_IGN); "
+        "pathlib.Path(sys.argv[1]).write_text(str(os.getpid())); print('ready', flush=True); signal.pause()"
+    )
+    place = tmp_path / "pid"
+    mark, text, output = await outcome("hello", [sys.executable, "-c", code, str(place)], 1.0)
+    assert (mark, text) == ("fail", "it did not connect within 1 s to the socket in BUSD_SOCKET")
+    assert output == "ready\n"
+    with pytest.raises(ProcessLookupError):
+        os.kill(int(place.read_text()), 0)
 
 
 def test_every_story_finds_a_mistake() -> None:

@@ -59,6 +59,7 @@ class Stage:
         """What the client has printed, on stdout and stderr: the end of it."""
         self._accepted: asyncio.Queue[Peer] = asyncio.Queue()
         self._peers: list[Peer] = []
+        self._met = 0
         self._started_ns = 0
 
     async def __aenter__(self) -> Self:
@@ -117,13 +118,14 @@ class Stage:
 
         `is_cut`: all frames to it go byte by byte.
         """
-        first_id = _FIRST_ID + _IDS_APART * len(self._peers)
+        first_id = _FIRST_ID + _IDS_APART * self._met
         try:
             peer = await self._within(self._accepted.get())
         except TimeoutError:
-            again = " again" if self._peers else ""
+            again = " again" if self._met else ""
             text = f"it did not connect{again} within {self.wait_s:g} s to the socket in BUSD_SOCKET"
             raise Wrong(text) from None
+        self._met += 1
         peer.begin(Conversation(first_id, self._started_ns, refuses=refuses), lease_s, is_cut=is_cut)
         await peer.until(lambda: peer.hello, "no Hello came")
         return peer
