@@ -5,7 +5,10 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import pytest
+
 from bus.delivery.ring_size import FIRST_CAPACITY, RingSize
+from bus.shm import has_core
 from bus.shm.segments import RING_HEAD_BYTES
 from rows import for_each
 
@@ -68,6 +71,7 @@ def test_the_mark_of_a_sleep_for_room() -> None:
     assert "`taken` + (`latest` + 2 - `taken`)/2" in WORDS
 
 
+@pytest.mark.skipif(not has_core(), reason="the native core was not built")
 @for_each("row", rows("QoS", "message", "`keep`", "reason", "capacity", "index"))
 def test_sizes(row: list[str]) -> None:
     qos, message, keep, reason, capacity, index = row

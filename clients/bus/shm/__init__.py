@@ -7,7 +7,8 @@ if it was not built. Must not know the wire, the loop, or which endpoints match.
              `headroom.py` (free memory), `openfiles.py` (numbers of descriptors)
     binding  `py.h`, py_*.c: one file for each type; `_core.pyi` has their types
              `py_fields.c` makes messages of rclpy, without shared memory
-    C        `ring.h`, `writer.h`, `reader.h`, `feed.h`, `gates.h`, `doorbell.h`: the algorithm, no Python
+    C        `ring.h`, `writer.h`, `reader.h`, `feed.h`, `gates.h`, `doorbell.h`: the algorithm, no Python;
+             `sizes.h`: sizes of rings
 
 Invariants:
 

@@ -38,6 +38,16 @@ def ring_bytes(capacity: int, index_length: int) -> int:
     """Bytes of a ring's segment; 0 if a size is no power of two or out of bounds."""
 
 def readers_bytes(slot_count: int) -> int: ...
+def next_ring(
+    capacity: int, held: int, size: int, keep: int, most: int, *, keeps_all: bool, must: bool
+) -> tuple[int, int] | None:
+    """Capacity and index length of the ring after one that holds `held` records; None: it must not grow.
+
+    `size`: a message that must fit; `keep`: records that must stay; `most`: limit, unless it `must` grow.
+    """
+
+def is_filled_by_few(capacity: int, held: int) -> bool:
+    """Whether a larger ring lets both sides work at the same time, because few long records fill this one."""
 
 class Mapping:
     """`size` mapped bytes of a descriptor; unmapped when its last user is gone. Raises OSError."""

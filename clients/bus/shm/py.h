@@ -32,6 +32,7 @@
 #include "eventfd.h"
 #include "feed.h"
 #include "gates.h"
+#include "sizes.h"
 #include "writer.h"
 
 /* Results of a write other than True; see _core.pyi. */

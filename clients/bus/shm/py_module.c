@@ -20,6 +20,34 @@ static PyObject *core_readers_bytes(PyObject *module, PyObject *argument)
     return PyLong_FromUnsignedLongLong(readers_segment_bytes(slot_count));
 }
 
+static PyObject *core_next_ring(PyObject *module, PyObject *args, PyObject *kwargs)
+{
+    static char *names[] = {"capacity", "held", "size", "keep", "most", "keeps_all", "must", NULL};
+    uint64_t capacity, held, size, keep, most;
+    int keeps_all, must;
+    (void)module;
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "O&O&O&O&O&$pp", names, core_as_u64, &capacity, core_as_u64, &held,
+                                     core_as_u64, &size, core_as_u64, &keep, core_as_u64, &most, &keeps_all, &must))
+        return NULL;
+    if (ring_segment_bytes(capacity, RING_FIRST_INDEX) == 0) {
+        PyErr_SetString(PyExc_ValueError, "no ring has this capacity");
+        return NULL;
+    }
+    const struct ring_sizes next = ring_next_sizes(capacity, held, size, keep, most, keeps_all, must);
+    if (next.capacity == 0)
+        Py_RETURN_NONE;
+    return Py_BuildValue("KK", (unsigned long long)next.capacity, (unsigned long long)next.index_length);
+}
+
+static PyObject *core_is_filled_by_few(PyObject *module, PyObject *args)
+{
+    uint64_t capacity, held;
+    (void)module;
+    if (!PyArg_ParseTuple(args, "O&O&", core_as_u64, &capacity, core_as_u64, &held))
+        return NULL;
+    return PyBool_FromLong(ring_is_filled_by_few(capacity, held));
+}
+
 static PyObject *core_room(PyObject *module, PyObject *size)
 {
     (void)module;
@@ -121,6 +149,8 @@ static void core_release(void *module) { core_clear(module); }
 static PyMethodDef functions[] = {
     {"ring_bytes", (PyCFunction)(void (*)(void))core_ring_bytes, KEYWORDS, NULL},
     {"readers_bytes", core_readers_bytes, METH_O, NULL},
+    {"next_ring", (PyCFunction)(void (*)(void))core_next_ring, KEYWORDS, NULL},
+    {"is_filled_by_few", core_is_filled_by_few, METH_VARARGS, NULL},
     {"run_messages", (PyCFunction)(void (*)(void))core_run_messages, METH_FASTCALL, NULL},
     {"run_samples", (PyCFunction)(void (*)(void))core_run_samples, METH_FASTCALL, NULL},
     {"scan_packed", (PyCFunction)(void (*)(void))core_scan_packed, METH_FASTCALL, NULL},

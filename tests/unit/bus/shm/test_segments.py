@@ -86,6 +86,17 @@ def test_sizes_out_of_bounds() -> None:
         core.ring_bytes(-1, 16)
 
 
+def test_the_next_ring() -> None:
+    """tests/native/test_sizes.c has all cases."""
+    sizes = core.next_ring(4096, 21, 0, 1000, 64 << 20, keeps_all=False, must=False)
+    assert sizes == (262144, 2048)
+    assert core.next_ring(64 << 20, 21, 0, 1000, 64 << 20, keeps_all=False, must=False) is None
+    with pytest.raises(ValueError, match="no ring has this capacity"):
+        core.next_ring(0, 0, 0, 1, 0, keeps_all=False, must=True)
+    assert core.is_filled_by_few(4096, 64)
+    assert not core.is_filled_by_few(4096, 65)
+
+
 def _seal_more(number: int) -> None:
     fcntl.fcntl(number, fcntl.F_ADD_SEALS, fcntl.F_SEAL_WRITE)
 
