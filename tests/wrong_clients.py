@@ -243,6 +243,10 @@ WAYS = [
     Way(NoReturn, "talk", "restart", "the client ended with status 1"),
     Way(NewGids, "talk", "restart", "did not come back with its gid"),
     Way(NumbersFromOne, "talk", "restart", "next_seq is 1, but its samples up to"),
+    Way(
+        NoReturn, "talk", "real", "it did not come back after a kill of busd; the client ended with status 1"
+    ),
+    Way(WrongPayload, "relay", "real", "sample 1 (91 a9 6d 65"),
     Way(NoLastSeqs, "listen", "restart", "came back with nothing in last_seqs"),
 ]
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from bus_cli.doctor.conformance import stage
+from bus_cli.doctor.conformance import client
 from bus_cli.doctor.conformance.options import NAMES
 from bus_cli.doctor.conformance.program import outcome
 from bus_cli.doctor.conformance.stories import STORIES
@@ -20,6 +20,11 @@ TESTS = Path(__file__).parents[1]
 BARE = (sys.executable, str(EXAMPLES / "bare_client.py"))
 WRONG = (sys.executable, str(TESTS / "wrong_clients.py"))
 AT_ONCE = 4
+
+
+@pytest.fixture(autouse=True)
+def no_other_busd(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("BUSD_AUTOSTART", "0")
 
 
 async def play(stories: list[tuple[str, list[str]]]) -> list[tuple[str, str]]:
@@ -82,7 +87,7 @@ async def test_each_mistake_is_found_by_its_story() -> None:
 
 @on_one_loop
 async def test_no_client_survives_its_story(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(stage, "_END_S", 0.1)
+    monkeypatch.setattr(client, "_END_S", 0.1)
     code = (
         "import os, pathlib, signal, sys; signal.signal(signal.SIGTERM, signal.SIG_IGN); "
         "pathlib.Path(sys.argv[1]).write_text(str(os.getpid())); print('ready', flush=True); signal.pause()"

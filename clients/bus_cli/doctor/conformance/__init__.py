@@ -4,8 +4,10 @@ Starts the client once for each story, with a broker of its own that plays the s
 
 - `conversation.py`: the rules for one connection: what busd would answer, and what the client did wrong
 - `payloads.py`: messages of any type
-- `stage.py`: the socket, the connections and the client's process
+- `client.py`: the client's process
+- `stage.py`: the socket and the connections of a busd that only tests
 - `stories.py`: the stories
+- `real.py`: the story with a real busd, and its stage
 - `program.py`: plays the stories and prints the outcomes
 - `options.py`: the options, which `bus doctor` has without these modules
 

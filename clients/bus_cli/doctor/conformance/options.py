@@ -2,13 +2,16 @@
 
 from argparse import ArgumentParser
 
-__all__ = ["NAMES", "PLACE", "add_arguments"]
+__all__ = ["NAMES", "PLACE", "RELAY", "add_arguments"]
 
-NAMES = ("hello", "declare", "publish", "subscribe", "ping", "unknown", "split", "refusal", "restart")
+NAMES = ("hello", "declare", "publish", "subscribe", "ping", "unknown", "split", "refusal", "restart", "real")
 """The stories, in the order in which they are played."""
 
 PLACE = "{socket}"
 """In the client's arguments, stands for the path of the socket."""
+
+RELAY = "/conformance/in", "/conformance/out"
+"""A client that publishes on the second topic what comes on the first shows that it understood it."""
 
 _WAIT_S = 10.0
 
@@ -18,7 +21,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     group.add_argument(
         "--conformance",
         action="store_true",
-        help="start the client that is named after -- once for each story, with a busd that only tests it, "
+        help="start the client that is named after -- once for each story, with a busd that tests it, "
         f"and say what it does wrong. It finds the socket in BUSD_SOCKET, or as {PLACE} in its arguments",
     )
     group.add_argument(

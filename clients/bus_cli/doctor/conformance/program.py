@@ -1,12 +1,13 @@
 """`bus doctor --conformance`: plays the stories, prints each outcome, and sums them up."""
 
+import os
 import tempfile
 from argparse import Namespace
 from collections.abc import Sequence
 from pathlib import Path
 
+from bus.logger import Severity, get_logger
 from bus_cli.doctor.conformance.conversation import Wrong
-from bus_cli.doctor.conformance.stage import Stage
 from bus_cli.doctor.conformance.stories import STORIES, LeftOut
 from bus_cli.exitcodes import EXIT_ERROR
 from bus_cli.output import CommandError, print_json, say
@@ -24,6 +25,8 @@ def main(args: Namespace) -> int:
         raise CommandError("which client? bus doctor --conformance -- ./client ARGS")
     if not args.wait > 0:
         raise CommandError(f"--wait is above 0, not {args.wait:g}")
+    os.environ["BUSD_AUTOSTART"] = "0"  # while the busd of a story is away, nobody starts another
+    get_logger("bus").set_level(Severity.ERROR)  # its loss is a part of the story
     wrong, count = run_stream(_play(args, command))
     if not args.json:
         played = "1 story" if count == 1 else f"{count} stories"
@@ -47,14 +50,14 @@ async def _play(args: Namespace, command: Sequence[str]) -> tuple[list[str], int
 async def outcome(name: str, command: Sequence[str], wait_s: float) -> tuple[str, str, str]:
     """Play one story: mark, text, and what a wrong client printed."""
     with tempfile.TemporaryDirectory(prefix="busd-") as folder:
-        stage = Stage(command, Path(folder), wait_s)
+        stage = STORIES[name].stage(command, Path(folder), wait_s)
         try:
             async with stage:
                 return "ok", await STORIES[name].play(stage), ""
         except LeftOut as reason:
             return "-", f"left out: {reason}", ""
         except Wrong as mistake:
-            return "fail", str(mistake), stage.output
+            return "fail", str(mistake), stage.client.output
         except (FileNotFoundError, PermissionError) as error:
             raise CommandError(f"{command[0]} can't be started: {error.strerror}") from None
 

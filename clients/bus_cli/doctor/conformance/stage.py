@@ -9,9 +9,7 @@ Every wait ends with Wrong if the client breaks a rule, closes the connection, o
 
 import asyncio
 import os
-import signal
 from collections.abc import Callable, Coroutine, Sequence
-from contextlib import suppress
 from pathlib import Path
 from time import monotonic_ns
 from types import TracebackType
@@ -23,8 +21,8 @@ from bus.errors import RemoteProtocolError
 from bus.wire import messages as m
 from bus.wire.layout import CONTROL, FRAME_HEAD, FRAME_HEAD_BYTES, LENGTH_BYTES, PROTOCOL_VERSION
 from bus.wire.session import Carried, Role, Session
+from bus_cli.doctor.conformance.client import Client
 from bus_cli.doctor.conformance.conversation import Conversation, Wrong
-from bus_cli.doctor.conformance.options import PLACE
 
 __all__ = ["Ended", "Peer", "Stage"]
 
@@ -36,9 +34,6 @@ _SETTLED_NS = 300_000_000
 """A client that has declared nothing for this time has declared everything."""
 _TICK_S = 0.05
 _ON_THE_WAY_S = 0.1
-_END_S = 2.0
-_CLOSED_S = 0.5
-_MOST_OUTPUT = 64 << 10
 _FIRST_ID, _IDS_APART = 41, 1000
 _BYTE_S = 0.001
 """Pause between the bytes of a cut frame, so that the client reads each alone."""
@@ -53,10 +48,8 @@ class Stage:
 
     def __init__(self, command: Sequence[str], folder: Path, wait_s: float) -> None:
         self._path = folder / "busd.sock"
-        self._command = [word.replace(PLACE, str(self._path)) for word in command]
+        self.client = Client(command, self._path)
         self.wait_s = wait_s
-        self.output = ""
-        """What the client has printed, on stdout and stderr: the end of it."""
         self._accepted: asyncio.Queue[Peer] = asyncio.Queue()
         self._peers: list[Peer] = []
         self._met = 0
@@ -66,52 +59,19 @@ class Stage:
         self._server = await asyncio.start_unix_server(self._on_connected, self._path)
         self._started_ns = monotonic_ns()
         try:
-            self._process = await asyncio.create_subprocess_exec(
-                *self._command,
-                env={**os.environ, "BUSD_SOCKET": str(self._path)},
-                stdin=asyncio.subprocess.DEVNULL,
-                stdout=asyncio.subprocess.PIPE,
-                stderr=asyncio.subprocess.STDOUT,
-                start_new_session=True,
-            )
+            await self.client.start()
         except BaseException:
             self._server.close()
             raise
-        self._reading = asyncio.ensure_future(self._read_output())
         return self
 
     async def __aexit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._server.close()
-        for number in (signal.SIGTERM, signal.SIGKILL):
-            with suppress(ProcessLookupError):
-                os.killpg(self._process.pid, number)
-            with suppress(TimeoutError):
-                await asyncio.wait_for(self._process.wait(), _END_S)
-                break
+        await self.client.stop()
         for peer in self._peers:
             peer.close()
-        with suppress(TimeoutError):  # a process that it has started may still have the pipe
-            await asyncio.wait_for(self._reading, _END_S)
-
-    @property
-    def status(self) -> int | None:
-        """The client's exit status, or minus the number of the signal that ended it; None while it runs."""
-        return self._process.returncode
-
-    async def wait_for_end(self) -> None:
-        """Wait a moment whether the process ends."""
-        with suppress(TimeoutError):
-            await asyncio.wait_for(self._process.wait(), _CLOSED_S)
-
-    def end_in_words(self) -> str:
-        """How the client has ended."""
-        if self.status is None:
-            return "the client runs"
-        if self.status < 0:
-            return f"the client was ended by {signal.Signals(-self.status).name}"
-        return f"the client ended with status {self.status}"
 
     async def meet(self, *, lease_s: float = LEASE_S, is_cut: bool = False, refuses: str = "") -> "Peer":
         """The client's next connection, after the exchange of Hellos.
@@ -145,16 +105,11 @@ class Stage:
             async with asyncio.timeout(self.wait_s):
                 while not waiting.done():
                     await asyncio.wait([waiting], timeout=_TICK_S)
-                    if not waiting.done() and self.status is not None:
-                        raise Ended(self.end_in_words())
+                    if not waiting.done() and self.client.status is not None:
+                        raise Ended(self.client.end_in_words())
             return waiting.result()
         finally:
             waiting.cancel()
-
-    async def _read_output(self) -> None:
-        assert self._process.stdout is not None
-        while raw := await self._process.stdout.read(4096):
-            self.output = (self.output + raw.decode(errors="replace"))[-_MOST_OUTPUT:]
 
     async def _on_connected(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         peer = Peer(self, reader, writer)
@@ -246,8 +201,8 @@ class Peer:
         except ConnectionError:
             raw = b""
         if not raw:
-            await self._stage.wait_for_end()
-            raise Ended(f"it closed the connection; {self._stage.end_in_words()}")
+            await self._stage.client.wait_for_end()
+            raise Ended(f"it closed the connection; {self._stage.client.end_in_words()}")
         self._note_silence()
         self.heard_ns = monotonic_ns()
         buffer[: len(raw)] = raw

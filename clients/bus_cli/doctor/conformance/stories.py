@@ -5,20 +5,19 @@ A story raises Wrong with the client's mistake, or LeftOut if the client gives n
 
 from collections.abc import Awaitable, Callable, Mapping
 from time import monotonic_ns
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import msgspec
 
 from bus.base.counted import counted
 from bus.wire import messages as m
-from bus_cli.doctor.conformance import payloads
+from bus_cli.doctor.conformance import payloads, real
 from bus_cli.doctor.conformance.conversation import Endpoint, Wrong, is_plain
+from bus_cli.doctor.conformance.options import RELAY
+from bus_cli.doctor.conformance.real import RealStage
 from bus_cli.doctor.conformance.stage import Ended, Peer, Stage
 
 __all__ = ["STORIES", "LeftOut", "Story"]
-
-RELAY = "/conformance/in", "/conformance/out"
-"""A client that publishes on the second topic what comes on the first shows that it understood it."""
 
 _SAMPLES = 3
 _PING_LEASE_S = 1.0
@@ -30,9 +29,11 @@ class LeftOut(Exception):
 
 
 class Story(NamedTuple):
-    play: Callable[[Stage], Awaitable[str]]
+    play: Callable[[Any], Awaitable[str]]
     section: str
     """The section of docs/protocol.md to read if the client is wrong."""
+    stage: type[Stage | RealStage] = Stage
+    """Where it is played, and what `play` gets."""
 
 
 async def _hello(stage: Stage) -> str:
@@ -97,8 +98,8 @@ async def _unknown(stage: Stage) -> str:
     try:
         await peer.sign("after a message with an unknown tag")
     except Ended:
-        if stage.status is not None:
-            text = f"after a message with an unknown tag {stage.end_in_words()}"
+        if stage.client.status is not None:
+            text = f"after a message with an unknown tag {stage.client.end_in_words()}"
             raise Wrong(f"{text}; it ignores the message, or connects again") from None
         await stage.declared()
         return "ignored unknown fields; connected again after an unknown tag"
@@ -120,19 +121,21 @@ async def _refusal(stage: Stage) -> str:
     peer = await stage.meet(refuses=_TEXT)
     try:
         await peer.until(lambda: peer.talk.refused, "it created no endpoint on a topic of its own")
-        await peer.until(lambda: _TEXT in stage.output, f"it did not print the text of Refused ({_TEXT!r})")
+        await peer.until(
+            lambda: _TEXT in stage.client.output, f"it did not print the text of Refused ({_TEXT!r})"
+        )
         await peer.sign("after Refused")
     except Ended:
         if not peer.talk.refused:
             raise
-        if _TEXT not in stage.output:
+        if _TEXT not in stage.client.output:
             text = f"did not print the text of Refused ({_TEXT!r})"
-            raise Wrong(f"it {text}; {stage.end_in_words()}") from None
-        if stage.status == 0:
+            raise Wrong(f"it {text}; {stage.client.end_in_words()}") from None
+        if stage.client.status == 0:
             raise Wrong("it ended with status 0, as if nothing was refused") from None
-        if stage.status is not None and stage.status < 0:
-            raise Wrong(stage.end_in_words()) from None
-        return f"printed the text; {stage.end_in_words()}"
+        if stage.client.status is not None and stage.client.status < 0:
+            raise Wrong(stage.client.end_in_words()) from None
+        return f"printed the text; {stage.client.end_in_words()}"
     return "printed the text and continued"
 
 
@@ -258,4 +261,5 @@ STORIES: Mapping[str, Story] = {
     "split": Story(_split, "Frames"),
     "refusal": Story(_refusal, "Errors and limits"),
     "restart": Story(_restart, "When busd goes away"),
+    "real": Story(real.play, "The least that a client does", RealStage),
 }

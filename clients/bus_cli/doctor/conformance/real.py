@@ -1,0 +1,234 @@
+"""The last story: the client with a real busd and a node of the library, and once more after a kill of busd.
+
+Shows what the other stories can't: the route that busd chooses, also shared memory, and real matches.
+"""
+
+import asyncio
+import socket
+from collections.abc import Coroutine, Sequence
+from contextlib import suppress
+from pathlib import Path
+from time import monotonic
+from types import TracebackType
+from typing import Any, Self, TypeVar
+
+import msgspec
+
+from bus.errors import BusError
+from bus.graph import Graph, GraphEndpoint
+from bus.link.autostart import BUSD
+from bus.node import Node
+from bus.qos import Durability, QoSProfile
+from bus.schema import MessageSchema
+from bus_cli.doctor.conformance import payloads
+from bus_cli.doctor.conformance.client import Client
+from bus_cli.doctor.conformance.conversation import Wrong, is_plain
+from bus_cli.doctor.conformance.options import RELAY
+
+__all__ = ["RealStage", "play"]
+
+T = TypeVar("T")
+
+_SAMPLES = 3
+_SETTLED_S = 0.3
+_TICK_S = 0.05
+
+
+class RealStage:
+    """A busd of its own, the client and a node, while it is entered. Needs BUSD_AUTOSTART=0."""
+
+    node: Node
+
+    def __init__(self, command: Sequence[str], folder: Path, wait_s: float) -> None:
+        self._path = folder / "busd.sock"
+        self.client = Client(command, self._path)
+        self.wait_s = wait_s
+
+    async def __aenter__(self) -> Self:
+        await self.start_busd()
+        try:
+            self.node = Node("conformance", arguments=(), socket=self._path, rosout=False)
+            await self.node.open()
+            try:
+                await self.client.start()
+            except BaseException:
+                await self.node.close()
+                raise
+        except BaseException:
+            await self.kill_busd()
+            raise
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        await self.client.stop()
+        with suppress(BusError):
+            await self.node.close()
+        await self.kill_busd()
+
+    async def start_busd(self) -> None:
+        """Start busd, and wait until it listens."""
+        log = (self._path.parent / "busd.log").open("ab")
+        with log:
+            words = (*BUSD, "--socket", str(self._path))
+            self._busd = await asyncio.create_subprocess_exec(
+                *words, stdin=asyncio.subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True
+            )
+        end = monotonic() + self.wait_s
+        while not self._listens():
+            if self._busd.returncode is not None or monotonic() > end:
+                text = (self._path.parent / "busd.log").read_text(errors="replace").strip()
+                raise Wrong(f"busd itself did not start: {text}")
+            await asyncio.sleep(_TICK_S)
+
+    async def kill_busd(self) -> None:
+        with suppress(ProcessLookupError):
+            self._busd.kill()
+        await self._busd.wait()
+
+    async def endpoints(self, what: str) -> list[GraphEndpoint]:
+        """The client's endpoints on topics of users, once they are all there."""
+
+        async def settled() -> list[GraphEndpoint]:
+            found, since = list[GraphEndpoint](), monotonic()
+            while not found or monotonic() - since < _SETTLED_S:
+                now = self._theirs(await self.node.graph())
+                if {one.id for one in now} != {one.id for one in found}:
+                    found, since = now, monotonic()
+                await asyncio.sleep(_TICK_S)
+            return found
+
+        return await self.within(settled(), what)
+
+    async def within(self, coroutine: Coroutine[Any, Any, T], what: str) -> T:
+        """The result; raises Wrong with `what` if it takes too long, or if the client ends before."""
+        waiting = asyncio.ensure_future(coroutine)
+        end = monotonic() + self.wait_s
+        try:
+            while not waiting.done():
+                await asyncio.wait([waiting], timeout=_TICK_S)
+                if waiting.done():
+                    break
+                if self.client.status is not None:
+                    raise Wrong(f"{what}; {self.client.end_in_words()}")
+                if monotonic() > end:
+                    raise Wrong(f"{what} within {self.wait_s:g} s")
+            return waiting.result()
+        finally:
+            waiting.cancel()
+
+    def _theirs(self, graph: Graph) -> list[GraphEndpoint]:
+        found = (*graph.publishers, *graph.subscriptions)
+        return [one for one in found if one.node.name != "conformance" and is_plain(one.topic)]
+
+    def _listens(self) -> bool:
+        with socket.socket(socket.AF_UNIX) as probe:
+            try:
+                probe.connect(str(self._path))
+            except OSError:
+                return False
+        return True
+
+
+async def play(stage: RealStage) -> str:
+    """The story."""
+    before = await stage.endpoints("it created no endpoint on a topic of its own")
+    told = await _exchange(stage, before)
+    await stage.kill_busd()
+    await stage.start_busd()
+    after = await stage.endpoints("it did not come back after a kill of busd")
+    gone = {one.gid: one for one in before}.keys() - {one.gid for one in after}
+    if gone:
+        lost = ", ".join(one.topic for one in before if one.gid in gone)
+        raise Wrong(f"after a kill of busd it did not declare again, with the same gid: {lost}")
+    await _exchange(stage, after)
+    return f"{', '.join(told)}; the same after a kill of busd"
+
+
+async def _exchange(stage: RealStage, endpoints: list[GraphEndpoint]) -> list[str]:
+    """Take samples from its publishers and publish to its subscriptions; returns what went which way."""
+    by_topic = {(one.topic, one.kind): one for one in endpoints}
+    source = by_topic.get((RELAY[0], "subscription"))
+    target = by_topic.get((RELAY[1], "publisher"))
+    if source is not None and target is not None:
+        return [await _relay(stage, source, target)]
+    told = []
+    for one in endpoints:
+        told.append(await (_listen(stage, one) if one.kind == "publisher" else _talk(stage, one)))
+    return told
+
+
+async def _listen(stage: RealStage, one: GraphEndpoint) -> str:
+    schema = await stage.node.get_schema(one.type_name, one.type_hash)
+    subscription = await stage.node.create_subscription(None, one.topic, one.qos, raw=True)
+    try:
+        numbers = list[int]()
+        while len(numbers) < _SAMPLES:
+            what = f"{len(numbers)} of {_SAMPLES} samples came on {one.topic}"
+            payload, info = await stage.within(subscription.receive(), what)
+            if (fault := payloads.fault(schema, bytes(payload))) is not None:
+                raise Wrong(f"a sample on {one.topic} is no {one.type_name}: {fault}")
+            numbers.append(info.publication_sequence_number)
+        if numbers != sorted(set(numbers)):
+            raise Wrong(f"the numbers of the samples on {one.topic} do not grow: {numbers}")
+        return f"{_SAMPLES} samples on {one.topic} by {await _route(stage, one)}"
+    finally:
+        await subscription.close()
+
+
+async def _talk(stage: RealStage, one: GraphEndpoint) -> str:
+    schema = await stage.node.get_schema(one.type_name, one.type_hash)
+    publisher = await stage.node.create_publisher(schema, one.topic, _offered(one.qos))
+    try:
+        await stage.within(
+            publisher.wait_for_subscriptions(), f"its subscription on {one.topic} was not matched"
+        )
+        for body in _bodies(schema):
+            publisher.publish_encoded(body)
+        route = await _route(stage, one)
+        await stage.within(asyncio.sleep(_SETTLED_S), f"it did not survive samples on {one.topic}")
+        return f"{_SAMPLES} samples for {one.topic} by {route}"
+    finally:
+        await publisher.close()
+
+
+async def _relay(stage: RealStage, source: GraphEndpoint, target: GraphEndpoint) -> str:
+    schema = await stage.node.get_schema(source.type_name, source.type_hash)
+    subscription = await stage.node.create_subscription(None, target.topic, target.qos, raw=True)
+    publisher = await stage.node.create_publisher(schema, source.topic, _offered(source.qos))
+    try:
+        await stage.within(
+            publisher.wait_for_subscriptions(), f"its subscription on {source.topic} was not matched"
+        )
+        await stage.within(
+            subscription.wait_for_publishers(), f"its publisher on {target.topic} was not matched"
+        )
+        for number, body in enumerate(_bodies(schema), 1):
+            publisher.publish_encoded(body)
+            payload, _ = await stage.within(subscription.receive(), f"sample {number} did not come back")
+            if bytes(payload) != body:
+                raise Wrong(f"sample {number} ({body.hex(' ')}) came back as {bytes(payload).hex(' ')}")
+        routes = f"{await _route(stage, source)} and {await _route(stage, target)}"
+        return f"{_SAMPLES} samples returned by {routes}"
+    finally:
+        await publisher.close()
+        await subscription.close()
+
+
+def _bodies(schema: MessageSchema) -> list[bytes]:
+    made = [payloads.make(schema, number) for number in range(1, _SAMPLES + 1)]
+    return [body for body in made if body is not None]
+
+
+def _offered(requested: QoSProfile) -> QoSProfile:
+    """The offer for a subscription that takes any durability."""
+    if requested.durability is not Durability.BEST_AVAILABLE:
+        return requested
+    return msgspec.structs.replace(requested, durability=Durability.VOLATILE)
+
+
+async def _route(stage: RealStage, one: GraphEndpoint) -> str:
+    graph = await stage.node.graph()
+    routes = {match.route for match in graph.matches if one.id in (match.publisher, match.subscription)}
+    return " and ".join(sorted(map(str, routes))) or "no route"
