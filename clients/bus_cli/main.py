@@ -210,7 +210,9 @@ VERBS_WITH_VERBS = ("doctor", "wtf")
 """Commands that are verbs themselves and also have verbs."""
 
 _STARTS = "--conformance"
-"""The option that has a command line of a program after `--`."""
+"""The option that has the command line of a program after it."""
+_VALUED = ("--story", "--wait", "--socket", "--domain")
+"""Options with a value that may come between."""
 
 _MODULES = {"wtf": "doctor"}
 """Modules of commands that have another name."""
@@ -280,14 +282,18 @@ def _run(words: Sequence[str]) -> int:
 
 
 def own_words(words: Sequence[str]) -> tuple[Sequence[str], Sequence[str]]:
-    """The words of this program, and the command line after `--` that `bus doctor --conformance` starts.
+    """The words of this program, and the command line that `bus doctor --conformance` starts.
 
-    argparse would take its first word for a verb.
+    That begins after `--`, or with the first word that is no option: argparse would take it for a verb.
     """
-    if _STARTS not in words or "--" not in words[words.index(_STARTS) :]:
-        return words, ()
-    at = words.index("--", words.index(_STARTS))
-    return words[:at], words[at + 1 :]
+    at = words.index(_STARTS) + 1 if _STARTS in words else len(words)
+    while at < len(words):
+        if words[at] == "--":
+            return words[:at], words[at + 1 :]
+        if not words[at].startswith("-"):
+            return words[:at], words[at:]
+        at += 2 if words[at] in _VALUED else 1
+    return words, ()
 
 
 class _Parser(ArgumentParser):

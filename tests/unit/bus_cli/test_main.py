@@ -12,7 +12,7 @@ import bus
 from bus.process.termination import Terminated
 from bus_cli import main as cli
 from bus_cli import suggestions
-from bus_cli.main import COMMANDS, VERBS_WITH_VERBS, make_parser, module_of, run
+from bus_cli.main import COMMANDS, VERBS_WITH_VERBS, make_parser, module_of, own_words, run
 from bus_cli.output import CommandError
 from bus_cli.query import full_topic_name, full_type_name
 from rows import for_each
@@ -272,3 +272,24 @@ def test_every_verb_of_a_command_is_offered() -> None:
     topic = commands.choices["topic"]
     verbs = next(action for action in topic._actions if isinstance(action, _SubParsersAction))
     assert list(verbs.choices) == list(COMMANDS["topic"][1])
+
+
+@for_each(
+    ("line", "own", "program"),
+    [
+        ("doctor", "doctor", ""),
+        ("doctor hello -- x", "doctor hello -- x", ""),
+        ("doctor --conformance", "doctor --conformance", ""),
+        ("doctor --conformance -- ./client -- -x", "doctor --conformance", "./client -- -x"),
+        ("doctor --conformance ./client --json", "doctor --conformance", "./client --json"),
+        (
+            "doctor --conformance --json --story hello --wait=2 ./client",
+            "doctor --conformance --json --story hello --wait=2",
+            "./client",
+        ),
+        ("doctor --json --conformance -- hello", "doctor --json --conformance", "hello"),
+    ],
+)
+def test_the_command_line_of_a_client_under_test(line: str, own: str, program: str) -> None:
+    found, started = own_words(line.split())
+    assert (" ".join(found), " ".join(started)) == (own, program)
