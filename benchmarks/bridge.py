@@ -22,11 +22,13 @@ from benchmarks.bridged import (
     BY_ZENOH,
     FAR,
     FROM_DDS,
+    FROM_DDS_BY_RTPS,
     NUMBERED_ZENOH,
     PLAIN_DDS,
     PLAIN_ZENOH,
     SYSTEMS,
     TO_DDS,
+    TO_DDS_BY_RTPS,
     missing,
     serve_two,
 )
@@ -68,6 +70,7 @@ _NOTES = [
     f"{NUMBERED_ZENOH.name}: with the attachment that each message of ROS 2 has by zenoh, read by its taker: "
     "publisher, number, time; a message of busd has these too",
     f"{BUS.name}: both programs on one bus, as it stands at each end of {BY_ZENOH.name}",
+    f"{TO_DDS_BY_RTPS.name}, {FROM_DDS_BY_RTPS.name}: the bridge with its own RTPS instead of cyclonedds",
     "lossless: reliable + keep all at both ends; every run checked: all arrived, none dropped",
     f"{_CROWD}: from the word to begin, to a process that is there, until the other bus has all of them; "
     "then: a second later, without messages",
@@ -120,7 +123,7 @@ def comparisons(outcomes: Mapping[str, Outcome]) -> list[Comparison]:
         found += against(outcomes, ours, theirs, key, at_least=0.6, what=what)
         numbered = _name(_FLOOD, NUMBERED_ZENOH, size)
         found += against(outcomes, ours, numbered, key, what=what)
-    for system in (TO_DDS, FROM_DDS):
+    for system in (TO_DDS, FROM_DDS, TO_DDS_BY_RTPS, FROM_DDS_BY_RTPS):
         found += _against_both(outcomes, system, PLAIN_DDS, buses=1)
         ours, theirs = (_name(_FLOOD, one, _SMALL) for one in (system, PLAIN_DDS))
         found += against(outcomes, ours, theirs, "per_s", at_least=0.5, what="messages/s")

@@ -7,6 +7,7 @@ import signal
 import socket
 import sys
 from collections.abc import Callable, Mapping
+from functools import partial
 from importlib.util import find_spec
 
 from benchmarks import ros
@@ -56,12 +57,12 @@ def serve_two(group: Group, module: str) -> list[Child]:
     ]
 
 
-def serve_ros2(group: Group, module: str) -> list[Child]:
+def serve_ros2(group: Group, module: str, carrier: str = "cyclonedds") -> list[Child]:
     """Start a bus, and its bridge to a domain of DDS on loopback."""
     domain = ros.environ(group.folder)["ROS_DOMAIN_ID"]
     group.environ["BENCH_ROS"] = domain
     busd = group.start_busd()
-    return [busd, start_bridge(group, "ros2", "--domain-id", domain, name="bridge")]
+    return [busd, start_bridge(group, "ros2", "--domain-id", domain, "--carrier", carrier, name="bridge")]
 
 
 def _serve_endpoint(group: Group, module: str) -> list[Child]:
@@ -101,5 +102,19 @@ TO_DDS = BUS._replace(
 )
 FROM_DDS = TO_DDS._replace(name="cyclonedds - busd", publisher=CYCLONE.module, module=BUS.module, route="")
 
-SYSTEMS = (PLAIN_ZENOH, NUMBERED_ZENOH, PLAIN_DDS, BUS, BY_ZENOH, TO_DDS, FROM_DDS)
+_BY_RTPS = partial(serve_ros2, carrier="rtps")
+TO_DDS_BY_RTPS = TO_DDS._replace(name="busd - RTPS - cyclonedds", serve=_BY_RTPS)
+FROM_DDS_BY_RTPS = FROM_DDS._replace(name="cyclonedds - RTPS - busd", serve=_BY_RTPS)
+
+SYSTEMS = (
+    PLAIN_ZENOH,
+    NUMBERED_ZENOH,
+    PLAIN_DDS,
+    BUS,
+    BY_ZENOH,
+    TO_DDS,
+    FROM_DDS,
+    TO_DDS_BY_RTPS,
+    FROM_DDS_BY_RTPS,
+)
 """The rivals come first."""
