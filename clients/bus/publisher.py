@@ -255,7 +255,7 @@ class Publisher(Endpoint[M]):
         await self._core.wait_for_matches(number)
 
     def get_subscription_count(self) -> int:
-        """The number of subscriptions matched now."""
+        """The number of subscriptions matched now; `wait_for_subscriptions` waits until they can be woken."""
         return len(self._core.matches)
 
     def assert_liveliness(self) -> None:

@@ -101,7 +101,9 @@ class World:
         if route.gates.is_lossless:
             holds.append(route.gates.known_seq + 1)
         assert route.writer.hold == min(holds, default=0)
-        assert route.gates.count_unattached(()) == len(expected)
+        assert route.gates.expected == {
+            gate.matched.other for gate in expected if gate.state is GateState.EXPECTED
+        }
         if route.writer.keep != FOR_EVER:
             assert route.writer.keep == max(route.gates.depth, *(gate.depth for gate in gates), 1)
 

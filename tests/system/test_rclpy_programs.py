@@ -1,6 +1,7 @@
 """Programs of the facade, run as a user would run them: one test for each habit they rely on."""
 
 import ast
+import os
 import re
 import signal
 from pathlib import Path
@@ -8,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import bus
+from bus import shm
 from bus.msg.std_msgs import String
 from conftest import Daemon
 from packaged import Result, run_bus
@@ -182,6 +184,45 @@ for number in range(500):
     assert heard == [str(number) * 2000 for number in range(500)]
     assert sorted(one.name for one in graph.nodes) == ["listener", "look"]
     assert program.family() == []
+
+
+@pytest.mark.skipif(not shm.is_available(), reason=shm.why_not() or "-")
+@on_one_loop
+async def test_a_flood_wakes_each_subscription_that_it_has_counted(tmp_path: Path) -> None:
+    """Even if the event loop never runs again: the talker holds its guard until the listener has heard."""
+    sign = tmp_path / "heard"
+    listening, talking = tmp_path / "listening", tmp_path / "talking"
+    listening.mkdir()
+    talking.mkdir()
+    listener_text = f"""
+rclpy.init()
+node = Node('listener')
+node.create_subscription(String, 't', lambda message: open({str(sign)!r}, 'w').close(), 10)
+print('ready', flush=True)
+rclpy.spin(node)
+"""
+    talker_text = f"""
+from bus_ros.engine import engine
+rclpy.init()
+publisher = Node('talker').create_publisher(String, 't', 10)
+until(lambda: publisher.native.matches)
+print('counted', publisher.get_subscription_count(), flush=True)
+until(publisher.get_subscription_count)
+with engine().loop:
+    while not os.path.exists({str(sign)!r}):
+        publisher.publish(String(data='flood'))
+print('heard', flush=True)
+"""
+    async with running(tmp_path, "-m", "bus_cli", "run", script(listening, listener_text)) as listener:
+        await listener.line("ready")
+        os.kill(listener.process.pid, signal.SIGSTOP)  # busd matches both, and it can't be woken yet
+        async with running(tmp_path, "-m", "bus_cli", "run", script(talking, talker_text)) as talker:
+            assert (await talker.line("^counted")).string == "counted 0"
+            os.kill(listener.process.pid, signal.SIGCONT)
+            await talker.line("^heard$")
+            assert await talker.end() == 0
+        listener.process.send_signal(signal.SIGINT)
+        assert await listener.end() == -signal.SIGINT
 
 
 @pytest.mark.usefixtures("route")

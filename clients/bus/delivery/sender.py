@@ -5,7 +5,7 @@ or the broker keeps the history. Samples of other threads join here. It does not
 encoding.
 """
 
-from collections.abc import Callable, Container, Sequence
+from collections.abc import Callable, Sequence, Set
 from functools import cache
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
@@ -46,6 +46,8 @@ PublishPacked: TypeAlias = Callable[[Buffer, int], tuple[int, bool]]
 
 _UNUSED = Use.NONE
 """A global, because each sample needs it, and an attribute of the class takes longer to find."""
+
+_NONE: frozenset[int] = frozenset()
 
 _LOOK_S = 1.0
 """Interval of a waiting publisher's checks whether the processes that it waits for still live."""
@@ -180,10 +182,10 @@ class Sender:
         """Whether samples go to the broker, instead of the ring or in addition to it."""
         return self.socket.use is not _UNUSED
 
-    def count_expected(self, besides: Container[int]) -> int:
-        """The number of matches by the ring with a reader that has not named its slot yet, except
-        `besides`."""
-        return 0 if self.ring is None else self.ring.gates.count_unattached(besides)
+    @property
+    def expected(self) -> Set[int]:
+        """The broker's numbers of the subscriptions that can't be woken yet, taps included."""
+        return _NONE if self.ring is None else self.ring.gates.expected
 
     @property
     def queued(self) -> int:

@@ -6,7 +6,7 @@ for any number of readers. Used only on the event loop's thread.
 
 from bisect import bisect_left
 from collections import Counter
-from collections.abc import Callable, Container, Sequence
+from collections.abc import Callable, Sequence
 from errno import EMFILE
 from heapq import heappop, heappush
 from typing import ClassVar
@@ -62,6 +62,9 @@ class Gates:
         self._depths: Counter[int] = Counter()
         """The matches' depths, each with its number of matches: a change needs no scan of thousands."""
         self._unattached: dict[int, Gate] = {}  # by key
+        self.expected: set[int] = set()
+        """The broker's numbers of the subscriptions that can't be woken yet: their readers have not named
+        their slots."""
         self._holds: list[tuple[int, int]] = []
         """The lossless gates that are not attached: a heap of (hold, key)."""
         self._left: dict[tuple[ReaderProcess, int], Gate] = {}
@@ -96,12 +99,6 @@ class Gates:
             first = min(first, self.known_seq + 1)
         self._writer.hold = 0 if first == FOR_EVER else first
         self._writer.keep = FOR_EVER if keeps_all else self.keep
-
-    def count_unattached(self, besides: Container[int]) -> int:
-        """The number of matches with a reader that has not named its slot yet, except `besides`."""
-        if not besides:
-            return len(self._unattached)
-        return sum(gate.matched.other not in besides for gate in self._unattached.values())
 
     def find(self, gid: bytes, other: int) -> Gate | None:
         """The match of `gid`, if its other end has the number `other` (0: any)."""
@@ -141,6 +138,8 @@ class Gates:
             gate.matched = matched
             if self.is_lossless and matched.qos.is_lossless:
                 self.set_lossless(matched.gid, is_on=True)  # it is back
+        if gate.state is GateState.EXPECTED:
+            self.expected.add(matched.other)
         self._depths[gate.depth] += 1
 
     def attach(self, gid: bytes, process: ReaderProcess, slot: int) -> None:
@@ -156,6 +155,7 @@ class Gates:
             self._writer.add_gate(gate.key, process.bell, slot, is_lossless=gate.is_lossless)
             gate.place = place
         self._unattached.pop(first_key, None)
+        self.expected.discard(gate.matched.other)
         if process.is_here:
             self._here.add(gid)
 
@@ -166,6 +166,7 @@ class Gates:
         del self.by_gid[gid]
         self._forget_depth(gate)
         self._unattached.pop(gate.key, None)
+        self.expected.discard(gate.matched.other)
         self._here.discard(gid)
         if gate.place is not None:
             self._left[gate.place] = gate
@@ -174,6 +175,7 @@ class Gates:
 
     def disconnect(self) -> None:
         """Note that the broker is gone."""
+        self.expected.clear()  # their numbers are the old broker's
         for gate in self.by_gid.values():
             gate.on(GateEvent.DISCONNECT)
 
@@ -216,6 +218,7 @@ class Gates:
         """Forget all matches, because the ring is closed."""
         self.by_gid.clear()
         self._unattached.clear()
+        self.expected.clear()
         self._left.clear()
         if self._forget is not None:
             self._forget.cancel()

@@ -102,7 +102,10 @@ class PublisherCore(EndpointCore[M]):
         )
 
     def count_ready(self) -> int:
-        return len(self.matches) - self.sender.count_expected(self.matches.taps)
+        matches, expected = self.matches, self.sender.expected
+        if not expected:
+            return len(matches)
+        return len(matches) - sum(other in matches for other in tuple(expected))  # a copy: any thread may ask
 
     def least_depth(self) -> int:
         """The smallest depth of the subscriptions; 0 if all of them keep all."""

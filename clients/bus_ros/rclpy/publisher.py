@@ -1,5 +1,6 @@
 """Publishers of the facade: a native publisher, used under the guard by any publishing thread."""
 
+from contextlib import suppress
 from enum import IntEnum
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
@@ -22,6 +23,8 @@ __all__ = ["BasePublisher", "Publisher", "why_closed"]
 
 M = TypeVar("M")
 
+_READY_S = 0.1
+
 ROOM_S = 10.0
 """The longest wait of `publish` for room if the QoS is reliable + keep all."""
 
@@ -40,6 +43,10 @@ class BasePublisher(Destroyable, Generic[M]):
 
     @property
     def topic_name(self) -> str:
+        raise NotImplementedError
+
+    def _is_matched(self) -> bool:
+        """Whether it has a subscription, perhaps one that can't be woken yet."""
         raise NotImplementedError
 
     def _encoded(self, msg: M | bytes) -> bytes:
@@ -73,7 +80,9 @@ class Publisher(BasePublisher[M]):
         self._loop = engine.loop
         self._guard = engine.loop.guard
         self.native = native
-        sends = core_of(native).sender.quick.sends
+        self._core = core_of(native)
+        self._awaited = 0  # of all matches until now, by `get_subscription_count`
+        sends = self._core.sender.quick.sends
         if sends is not None and type(self).publish is Publisher.publish:
             sends.share(self._loop, self._publish_on)
             # Guard and fast path in one native call: this halves the time of a message.
@@ -105,9 +114,21 @@ class Publisher(BasePublisher[M]):
         self._publish_on(msg, None)
 
     def get_subscription_count(self) -> int:
-        """The number of matched subscriptions."""
+        """The number of matched subscriptions that can be woken.
+
+        Waits for new ones for a bounded time, once: messages published before the event loop runs again would
+        not wake them.
+        """
+        core, may_wait = self._core, not self._loop.is_mine()
         with self._loop:
-            return self.native.get_subscription_count()
+            count, matched, total = core.count_ready(), len(core.matches), core.matches.total
+        if count == matched or total == self._awaited or not may_wait:
+            return count
+        self._awaited = total
+        with suppress(TimeoutError, ConnectionClosed):
+            self._engine.run(lambda: core.wait_for_matches(matched), _READY_S)
+        with self._loop:
+            return core.count_ready()
 
     def assert_liveliness(self) -> None:
         """Assert the publisher's liveliness if the QoS is manual by topic."""
@@ -126,6 +147,10 @@ class Publisher(BasePublisher[M]):
         self.node.destroy_publisher(self)
 
     # --- inside
+
+    def _is_matched(self) -> bool:
+        with self._loop:
+            return bool(self.native.matches)
 
     def _publish_on(self, msg: Any, status: int | bytes | None) -> None:
         """The rest of `publish` after the fast path, by its `status`; None: not tried."""

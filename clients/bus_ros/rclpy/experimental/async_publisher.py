@@ -91,8 +91,8 @@ class AsyncPublisher(AsyncEntity, BasePublisher[M], Generic[M]):
             await self._native.wait_for_room()
 
     def get_subscription_count(self) -> int:
-        """The number of matched subscriptions; 0 before the node runs."""
-        return 0 if self._native is None else self._native.get_subscription_count()
+        """The number of matched subscriptions that can be woken; 0 before the node runs."""
+        return 0 if self._native is None else core_of(self._native).count_ready()
 
     def assert_liveliness(self) -> None:
         """Assert the publisher's liveliness if the QoS is manual by topic."""
@@ -133,6 +133,9 @@ class AsyncPublisher(AsyncEntity, BasePublisher[M], Generic[M]):
         )
 
     # --- inside
+
+    def _is_matched(self) -> bool:
+        return self._native is not None and bool(self._native.matches)
 
     async def _open(self, native_node: NativeNode) -> None:
         self._native = await native_node.create_publisher(

@@ -33,9 +33,12 @@ class OwnServices:
         self._node._type_description_service = TypeDescriptionService(self._node)
 
     def publish_change(self, change: Change[Parameter]) -> None:
-        """Publish a change of parameters on /parameter_events, if the topic has a subscription."""
+        """Publish a change of parameters on /parameter_events, if the topic has a subscription.
+
+        It may be one that can't be woken yet: it finds the change when it reads the ring.
+        """
         publisher = self._parameter_events
-        if publisher is not None and not publisher.is_destroyed and publisher.get_subscription_count():
+        if publisher is not None and not publisher.is_destroyed and publisher._is_matched():
             event = event_message(parameter_message, self._node.get_fully_qualified_name(), change)
             event.stamp = self._node.get_clock().now().to_msg()
             publisher.publish(event)
