@@ -235,6 +235,15 @@ class TestTopics:
                 assert len(graph.subscriptions_of("/talk")) == 1
         assert come == ["I was here"] * 5
 
+    def test_a_history_is_with_busd_at_once(self, node: bus.BlockingNode) -> None:
+        """The script may do something else from now on, and its event loop rests."""
+        publisher = node.create_publisher(
+            String, "latched", bus.QoSProfile(depth=3, durability="transient_local")
+        )
+        for word in ("for", "who", "comes later"):
+            publisher.publish(String(data=word))
+        assert publisher.statistics().queued == 0
+
     def test_nobody_heard_it(self, node: bus.BlockingNode, capfd: pytest.CaptureFixture[str]) -> None:
         node.publish("talk", String(data="hello?"))
         node.create_publisher(

@@ -169,6 +169,7 @@ class BlockingPublisher(_BlockingEndpoint, Generic[M]):
     def _send(self) -> None:
         """Under the guard: send gathered samples now, and wait until a long message has left."""
         link = self._core.link
+        self._core.hand_over()  # a history would wait until the loop runs again
         link.hand_over()
         if link.is_writing and self._foreground.is_free():
             self._foreground.wait(Condition(lambda: not link.is_writing), monotonic_ns() + _SEND_NS)

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, TypeAlias, cast
 from bus import shm
 from bus.delivery.allowance import QUEUE_BYTES, STEP_BYTES, begin, extend
 from bus.delivery.open_run import OpenRun, PythonRun, open_run
-from bus.delivery.port import Owner, Port
+from bus.delivery.port import Owner, Port, Timer
 from bus.delivery.recipients import Recipients
 from bus.delivery.thread_queue import ThreadQueue
 from bus.qos import Durability, History
@@ -38,6 +38,9 @@ if TYPE_CHECKING:  # few publishers are lossless
 
 _GATHER_NS = 100_000
 """A message that follows the last one within this time is gathered with others."""
+
+_HISTORY_NS = 10_000_000
+"""Interval of the runs for the history alone. Each wakes the broker, which nobody waits for."""
 
 _GATHERED_BYTES = 4 * RUN_BYTES
 """Bytes of long samples that leave together. This saves a quarter of the CPU time of messages of 64 KiB."""
@@ -61,14 +64,15 @@ class Use(Enum):
     HISTORY = "history"
     """Only the broker's history.
 
-    It can wait until the turn of the loop ends, and takes all samples of that turn along.
+    It can wait until the turn of the loop ends, and soon after the last run also until the next one is due.
+    It takes all samples along that come until then.
     """
     READERS = "readers"
     """Subscriptions get samples this way, or may do so again."""
 
 
-_READERS = Use.READERS
-"""A global, because each run needs it, and an attribute of the class takes longer to find."""
+_READERS, _HISTORY = Use.READERS, Use.HISTORY
+"""Globals, because each run needs them, and an attribute of the class takes longer to find."""
 
 
 class SocketSender:
@@ -91,6 +95,9 @@ class SocketSender:
         self._history: RunQueue | None = None
         if qos.durability is Durability.TRANSIENT_LOCAL:
             self._history = RunQueue(depth, Account(STEP_BYTES))
+        self._history_due_ns = 0
+        """When the next run for the history alone is due."""
+        self._history_timer: Timer | None = None
         self._most_queued = QUEUE_BYTES
         self.next_seq = 1
         self.samples = 0
@@ -128,7 +135,7 @@ class SocketSender:
             use = Use.READERS
         if use is self.use:
             return
-        if use is Use.NONE:
+        if use is Use.NONE or self.use is _HISTORY:
             self.hand_over()
         self.use = use
         if self._window is None:  # else the window has bounded the open run
@@ -148,7 +155,13 @@ class SocketSender:
             if self._window is not None:
                 budget = self._window.bound(budget)
             self.run.budget = max(0, budget - self.run.size)
-            port.gather(self._owner)
+            if self.use is _HISTORY and stamp_ns < self._history_due_ns:
+                if self._history_timer is None:
+                    delay_s = (self._history_due_ns - stamp_ns) / 1e9
+                    self._history_timer = port.later(delay_s, self._hand_over_history)
+            else:
+                self._history_due_ns = stamp_ns + _HISTORY_NS
+                port.gather(self._owner)
         else:
             port.last_sent_ns = stamp_ns
             try:
@@ -261,6 +274,11 @@ class SocketSender:
             self.is_report_due = True
             self._port.report(owner)
 
+    def _hand_over_history(self) -> None:
+        self._history_timer = None
+        self._history_due_ns = self._port.now_ns() + _HISTORY_NS
+        self.hand_over()
+
     def _keep(self, run: Run) -> None:
         """Keep a run that is handed over, if it may be needed again."""
         window, history = self._window, self._history
@@ -314,6 +332,9 @@ class SocketSender:
     def end(self) -> None:
         """End: send nothing more."""
         self.forget_open()
+        if self._history_timer is not None:
+            self._history_timer.cancel()
+            self._history_timer = None
         self.queue.clear()
         self.recipients.end()
 

@@ -54,6 +54,48 @@ class TestWhenItLeaves:
         way.put_apart(1)
         assert way.left() == [[6]]
 
+    def test_what_is_for_the_history_alone_wakes_the_broker_rarely(self) -> None:
+        way = Way(HISTORY)
+        way.sender.set_use(is_read=False)
+        way.put()
+        way.port.settle()
+        assert way.left() == [[1]]
+        way.put_apart(5)
+        assert way.left() == []
+        way.port.advance(0.01)
+        assert way.left() == [[2, 3, 4, 5, 6]]
+        way.put_apart(2)
+        way.port.advance(0.01)
+        assert way.left() == [[7, 8]]
+        way.port.advance(0.01)
+        way.put()
+        way.port.settle()
+        assert way.left() == [[9]]
+
+    def test_the_rest_of_a_history_goes_ahead_of_what_subscriptions_get(self) -> None:
+        way = Way(HISTORY)
+        way.sender.set_use(is_read=False)
+        way.put()
+        way.port.settle()
+        way.put_apart(2)
+        assert way.left() == [[1]]
+        way.sender.set_use(is_read=True)
+        assert way.left() == [[2, 3]]
+        way.put_apart(1)
+        assert way.left() == [[4]]
+        way.port.advance(0.01)
+        assert way.left() == []
+
+    def test_an_end_leaves_no_timer(self) -> None:
+        way = Way(HISTORY)
+        way.sender.set_use(is_read=False)
+        way.put()
+        way.port.settle()
+        way.put_apart(2)
+        assert way.port.clock.next_ns() is not None
+        way.sender.end()
+        assert way.port.clock.next_ns() is None
+
     def test_the_counters_are_reported_once_until_they_were_told(self) -> None:
         way = Way(LAST_3)
         way.put_apart(3)
