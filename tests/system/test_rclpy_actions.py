@@ -9,7 +9,8 @@ import pytest
 import bus_ros.rclpy as rclpy
 from bus.errors import ServiceError
 from bus.shm import has_core
-from bus_actions import ActionUnavailable, GoalStatus
+from bus_actions import ActionUnavailable, GoalStatus, goal_table
+from bus_ros.engine import Engine
 from bus_ros.rclpy.action import ActionClient, ActionServer, CancelResponse, GoalResponse
 from bus_ros.rclpy.action.graph import (
     get_action_client_names_and_types_by_node,
@@ -395,6 +396,20 @@ def test_results_expire(ends: Ends) -> None:
     goal_handle = ends.send()
     ends.spin_until(lambda: not server._goal_handles)
     assert ends.result(goal_handle) == (GoalStatus.UNKNOWN, [])
+
+
+def test_the_end_of_a_goal_wakes_no_other_thread(ends: Ends, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Even if it drops the oldest result. The spinning thread runs the event loop next; a change of threads
+    would cost more than all the rest of a goal's end."""
+    monkeypatch.setattr(goal_table, "MOST_ENDED", 2)
+    nudges: list[int] = []
+    monkeypatch.setattr(Engine, "nudge", lambda _: nudges.append(1))
+    server = ends.serve()
+    nudges.clear()
+    for _ in range(6):
+        assert ends.result(ends.send())[0] is GoalStatus.SUCCEEDED
+    assert nudges == []
+    ends.spin_until(lambda: len(server._goal_handles) == 2)
 
 
 def test_arguments_that_are_wrong(ends: Ends) -> None:

@@ -5,7 +5,7 @@ Owns: the futures of goals, results and cancellations, and the program's callbac
 
 import uuid
 import weakref
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Any, Final
@@ -124,10 +124,11 @@ class ActionClient(ActionEntity):
         self._support: ActionSupport = action_support(action_type)
         self._goal_handles: dict[bytes, weakref.ref[ClientGoalHandle]] = {}
         self._feedback_callbacks: dict[bytes, Callable[[Any], Any]] = {}
-        self._pending_goal_requests: dict[int, tuple[Future[Any], Any]] = {}
+        self._pending_goal_requests: dict[int, tuple[Future[Any], Any, bytes]] = {}
+        self._unanswered: Counter[bytes] = Counter()  # the same goals
         self._early_feedback: dict[bytes, deque[Any]] = {}  # of goals without an answer yet
         self._pending_cancel_requests: dict[int, Future[Any]] = {}
-        self._pending_result_requests: dict[int, tuple[Future[Any], bytes]] = {}
+        self._pending_result_requests: dict[int, tuple[Future[Any], Any]] = {}
         self._waiters: list[Waiter] = []  # threads in waiting calls
         self._ends = ClientEndpoints()
         qos = action_qos(
@@ -191,11 +192,13 @@ class ActionClient(ActionEntity):
         goal_id = self._generate_random_uuid() if goal_uuid is None else goal_uuid
         request = self._support.send_goal.Request(goal_id=goal_id, goal=goal)
         future: Future[Any] = Future(executor=self.node.own_executor)
+        key = bytes(goal_id.uuid)
         with self._engine.loop:
             number = self._send(self._ends.goal, request)
-            self._pending_goal_requests[number] = future, goal_id
+            self._pending_goal_requests[number] = future, goal_id, key
+            self._unanswered[key] += 1
             if feedback_callback is not None:
-                self._feedback_callbacks[bytes(goal_id.uuid)] = feedback_callback
+                self._feedback_callbacks[key] = feedback_callback
         return future
 
     def server_is_ready(self) -> bool:
@@ -237,15 +240,15 @@ class ActionClient(ActionEntity):
         _check_handle(goal_handle)
         future: Future[Any] = Future(executor=self.node.own_executor)
         with self._engine.loop:
-            self._ask_for_result(future, bytes(goal_handle.goal_id.uuid))
+            self._ask_for_result(future, goal_handle.goal_id)
         return future
 
     # --- inside, under the guard
 
-    def _ask_for_result(self, future: Future[Any], key: bytes) -> None:
+    def _ask_for_result(self, future: Future[Any], goal_id: Any) -> None:
         if self._is_served(self._ends.result, future):
-            request = self._support.get_result.Request(goal_id=self._support.goal_id(key))
-            self._pending_result_requests[self._send(self._ends.result, request)] = future, key
+            request = self._support.get_result.Request(goal_id=goal_id)
+            self._pending_result_requests[self._send(self._ends.result, request)] = future, goal_id
 
     def _send(self, end: Any, request: Any) -> int:
         if self.is_destroyed:
@@ -298,7 +301,7 @@ class ActionClient(ActionEntity):
             taken := self._ends.feedback._receiver.take()
         ) is not None:  # feedback was published before the result
             key = bytes(taken[0].goal_id.uuid)
-            if self._pending_goal_requests and self._is_pending(key):
+            if key in self._unanswered:  # it may overtake the answer, which is on another topic
                 self._early_feedback.setdefault(key, deque(maxlen=FEEDBACK_QOS.depth)).append(taken[0])
                 continue
             callback = self._feedback_callbacks.get(key)
@@ -308,16 +311,16 @@ class ActionClient(ActionEntity):
             return self._apply_status, taken[:1]
         return super().take(most)
 
-    def _is_pending(self, key: bytes) -> bool:
-        """Whether the goal's answer is still to come: its feedback, on another topic, may overtake it."""
-        return any(bytes(goal_id.uuid) == key for _, goal_id in self._pending_goal_requests.values())
-
     # --- calls of the executor, or of a waiting thread
 
     def _finish_goal(self, number: int, outcome: Any) -> None:
-        key = bytes(self._pending_goal_requests[number][1].uuid)
+        future, goal_id, key = self._pending_goal_requests.pop(number)
+        with self._engine.loop:
+            self._unanswered[key] -= 1
+            if not self._unanswered[key]:
+                del self._unanswered[key]
         try:
-            self._answer_goal(number, outcome)
+            self._answer_goal(future, goal_id, key, outcome)
         finally:
             with self._engine.loop:
                 callback = self._feedback_callbacks.get(key)
@@ -326,9 +329,7 @@ class ActionClient(ActionEntity):
                         self._put(callback, message)
                 self.notify()
 
-    def _answer_goal(self, number: int, outcome: Any) -> None:
-        future, goal_id = self._pending_goal_requests.pop(number)
-        key = bytes(goal_id.uuid)
+    def _answer_goal(self, future: Future[Any], goal_id: Any, key: bytes, outcome: Any) -> None:
         if isinstance(outcome, BusError):
             self._feedback_callbacks.pop(key, None)
             future.set_exception(outcome)
@@ -350,8 +351,8 @@ class ActionClient(ActionEntity):
         _finish(self._pending_cancel_requests.pop(number), outcome)
 
     def _finish_result(self, number: int, outcome: Any) -> None:
-        future, key = self._pending_result_requests.pop(number)
-        self._feedback_callbacks.pop(key, None)
+        future, goal_id = self._pending_result_requests.pop(number)
+        self._feedback_callbacks.pop(bytes(goal_id.uuid), None)
         _finish(future, outcome)
 
     def _apply_status(self, message: Any) -> None:

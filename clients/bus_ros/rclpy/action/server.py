@@ -267,7 +267,7 @@ class ActionServer(ActionEntity):
     def notify_goal_done(self) -> None:
         """Note the end of a goal: its result expires after its time, and after results of earlier ends."""
         if self._expiry is None or self._table.is_overfull:
-            self._engine.call(self._expire)
+            self._engine.post(self._expire)
 
     def destroy(self) -> None:
         """Leave the graph; from now on, methods of goals do nothing."""
