@@ -27,7 +27,7 @@ from bus_ros.rclpy.impl.executor_parts import (
     put_in_order,
 )
 from bus_ros.rclpy.impl.handover import Handover
-from bus_ros.rclpy.task import UNFINISHED, Future, Step, Task
+from bus_ros.rclpy.task import UNFINISHED, Future, Step, Task, begin
 from bus_ros.rclpy.timer import NEVER_NS
 
 __all__ = [
@@ -420,7 +420,7 @@ class Executor:
         result = function(*arguments)
         if isinstance(result, CoroutineType) and entity.is_async:
             assert isinstance(entity, Entity)
-            return self._step(result, (), {}, entity).run() is not UNFINISHED
+            result = begin(result, lambda one: self._step(one, (), {}, entity).task)
         return result is not UNFINISHED
 
 
@@ -448,7 +448,7 @@ class SingleThreadedExecutor(Executor):
                 return
             with loop:
                 self._begin(entity)
-            work = self._step(result, (), {}, entity).run, ()
+            work = begin, (result, lambda one: self._step(one, (), {}, entity).task)
         has_ended = True
         try:
             has_ended = self._run(entity, work)

@@ -248,11 +248,9 @@ class Task(Future[T]):
             self._task_lock.release()
         if self._state != _PENDING:
             self._forget_handler()
-        elif awaited is not None:
-            # Only after the lock is free: the next step may begin at once, in another thread.
-            awaited.call_when_done(self._wake)
         else:
-            self._wake()
+            # Only after the lock is free: the next step may begin at once, in another thread.
+            self._go_on_after(awaited)
 
     def executing(self) -> bool:
         """Whether a step is running now."""
@@ -271,25 +269,18 @@ class Task(Future[T]):
                 self.set_result(result)
                 return None
             self._handler = result
-        coroutine = self._handler
-        outer, _driven.in_loop = _driven.in_loop, asyncio._get_running_loop()
         try:
-            awaited = coroutine.send(None)
-            if awaited is None or isinstance(awaited, Future):
-                return awaited
-            # Thrown into the coroutine: the traceback then shows the wrong await.
-            coroutine.throw(
-                TypeError(
-                    f"a callback can await rclpy's futures and other callbacks only, not {awaited!r}:"
-                    " no asyncio loop runs in an executor"
-                )
-            )
+            return _resume(self._handler)
         except StopIteration as end:
             self.set_result(end.value)
             return None
-        finally:
-            _driven.in_loop = outer
-        return None
+
+    def _go_on_after(self, awaited: Future[Any] | None) -> None:
+        """Take the next step once `awaited` is done; None: soon."""
+        if awaited is not None:
+            awaited.call_when_done(self._wake)
+        else:
+            self._wake()
 
     def _wake(self) -> None:
         if self.reschedule is not None:
@@ -306,6 +297,43 @@ class Task(Future[T]):
                 handler.close()
         finally:
             self._task_lock.release()
+
+
+def begin(
+    coroutine: Coroutine[Any, Any, Any], make_task: Callable[[Coroutine[Any, Any, Any]], Task[Any]]
+) -> object:
+    """Run a callback's coroutine; returns UNFINISHED if it goes on later, as the task that `make_task` makes.
+
+    Most callbacks await nothing unfinished, and need no task. Raises the coroutine's exception.
+    """
+    try:
+        awaited = _resume(coroutine)
+    except StopIteration:
+        return None
+    make_task(coroutine)._go_on_after(awaited)
+    return UNFINISHED
+
+
+def _resume(coroutine: Coroutine[Any, Any, Any]) -> Future[Any] | None:
+    """Run a step of a coroutine; returns the future that it awaits, or None if it yields.
+
+    Raises StopIteration at its end.
+    """
+    outer, _driven.in_loop = _driven.in_loop, asyncio._get_running_loop()
+    try:
+        awaited = coroutine.send(None)
+        if awaited is None or isinstance(awaited, Future):
+            return awaited
+        # Thrown into the coroutine: the traceback then shows the wrong await.
+        coroutine.throw(
+            TypeError(
+                f"a callback can await rclpy's futures and other callbacks only, not {awaited!r}:"
+                " no asyncio loop runs in an executor"
+            )
+        )
+    finally:
+        _driven.in_loop = outer
+    return None
 
 
 class Step:
