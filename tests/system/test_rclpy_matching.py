@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+from bus_ros.rclpy import publisher as publishers
 from bus_ros.rclpy.callback_groups import ReentrantCallbackGroup
 from bus_ros.rclpy.duration import Duration
 from bus_ros.rclpy.event_handler import (
@@ -23,7 +24,8 @@ from bus_ros.rclpy.qos import (
     ReliabilityPolicy,
     qos_profile_sensor_data,
 )
-from rclpy_world import Int64, World, arguments, wait_until, world
+from conftest import WAIT_S
+from rclpy_world import Int64, Kind, World, arguments, every_kind, wait_until, world
 
 __all__ = ["arguments", "world"]
 
@@ -45,6 +47,40 @@ def test_counts_change_without_spin(world: World, node: Node) -> None:
     wait_until(lambda: publisher.get_subscription_count() == 1)
     node.destroy_publisher(publisher)
     wait_until(lambda: subscriptions[1].get_publisher_count() == 0)
+
+
+@pytest.mark.parametrize("is_first", [True, False], ids=["publisher first", "subscription first"])
+def test_ends_of_one_program_count_at_once(
+    world: World, node: Node, is_first: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Programs ask right after they have made both."""
+    monkeypatch.setattr(publishers, "_READY_S", WAIT_S)
+    other = world.node("other")
+    if not is_first:
+        other.create_subscription(Int64, "t", print, 10)
+    publisher = node.create_publisher(Int64, "t", 10)
+    if is_first:
+        other.create_subscription(Int64, "t", print, 10)
+    assert publisher.get_subscription_count() == 1
+
+
+@every_kind
+def test_a_callback_counts(world: World, node: Node, kind: Kind, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The executor's thread then runs the event loop inside the callback, or waits for the one that does."""
+    monkeypatch.setattr(publishers, "_READY_S", WAIT_S)
+    counted: list[int] = []
+
+    def count() -> None:
+        other.create_subscription(Int64, "t", print, 10)
+        counted.append(publisher.get_subscription_count())
+
+    other = world.node("other")
+    publisher = node.create_publisher(Int64, "t", 10)
+    timer = node.create_timer(0.001, count)
+    with world.spinning(node, kind=kind):
+        wait_until(lambda: len(counted) >= 3)
+        timer.cancel()
+    assert counted[:3] == [1, 2, 3]
 
 
 def test_best_effort_does_not_match_reliable(world: World, node: Node) -> None:
