@@ -7,8 +7,8 @@
        `rtps_topics.py`  our RTPS
     translations: `names.py`, `qos.py`, `known_types.py`
 
-    services: the bridge's routes <-> `service_ways.py` <-> `service_calls.py` (`service_types.py`) <->
-        `services.py` (`service_identity.py`, `turns.py`) <-> `bus_bridge.rtps`
+    services: the bridge's routes <-> `service_ways.py` <-> `service_calls.py` (`service_types.py`,
+        `open_requests.py`) <-> `services.py` (`service_identity.py`, `turns.py`) <-> `bus_bridge.rtps`
     far servers and clients: `discovery.py` (`client_pairs.py`), as other endpoints
 
 Invariants:
@@ -25,5 +25,6 @@ Read first: `engine.py`, `names.py`, then `rtps_topics.py`, the simpler carrier.
 
 Tests: `tests/unit/bus_bridge/dds/`, `tests/system/test_bridge_dds_engine.py`,
 `tests/system/test_bridge_dds_ros.py`, `tests/system/test_bridge_ros2.py`; of services
-`tests/system/test_rtps_services_ros.py`, `tests/system/test_bridge_ros2_services.py`.
+`tests/system/test_rtps_services_ros.py`, `tests/system/test_bridge_ros2_services.py`,
+`tests/system/test_bridge_ros2_lifecycle.py`, `tests/system/test_bridge_ros2_deaths.py`.
 """

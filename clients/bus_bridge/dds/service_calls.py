@@ -13,6 +13,7 @@ import asyncio
 from collections.abc import Callable
 from typing import Final
 
+from bus_bridge.dds.open_requests import OpenRequest, OpenRequests
 from bus_bridge.dds.service_identity import RequestId
 from bus_bridge.dds.service_types import Call, ServiceTypes
 from bus_bridge.dds.services import NoServer, Services
@@ -22,7 +23,6 @@ __all__ = ["CallsFromRos", "CallsToRos", "Publish"]
 
 Publish = Callable[[bytes, bytes], object]
 
-_MOST_CALLS: Final = 10_000
 _MOST_TASKS: Final = 1000
 _FEEDBACK_FIRST_S: Final = 0.02
 """By this time the result of a goal is sent later. The last feedback goes by cyclonedds, and must not come
@@ -34,7 +34,8 @@ _PATIENCE_S: Final = 10.0
 class CallsFromRos:
     """A server of this bus, offered to ROS 2's clients. `publish` takes messages of the topic of requests.
 
-    On the bus, the client of a call has the GUID of the far client's writer.
+    On the bus, the client of a call has the GUID of the far client's writer. `requests`: those of the
+    service, if this bus has several servers of it.
     """
 
     def __init__(
@@ -44,6 +45,7 @@ class CallsFromRos:
         types: ServiceTypes,
         publish: Publish,
         user_data: bytes = b"",
+        requests: OpenRequests | None = None,
     ) -> None:
         self.failed = 0
         """Calls that get no answer: the server here answered with an error, or did not know them."""
@@ -52,14 +54,13 @@ class CallsFromRos:
         self._result_pause_s = _result_pause_s(service)
         self._types = types
         self._publish = publish
-        self._last = 0
-        self._calls: dict[tuple[bytes, int], RequestId] = {}
+        self._requests = OpenRequests() if requests is None else requests
         self.server = services.serve(service, types.type_name, self._request, user_data)
 
     @property
     def waiting(self) -> int:
         """The number of calls without an end."""
-        return len(self._calls)
+        return len(self._requests)
 
     def reply(self, payload: bytes) -> None:
         """Take a message of the topic of replies. Messages for clients of this bus are ignored.
@@ -67,39 +68,40 @@ class CallsFromRos:
         Raises BridgeError if it is not an answer of this service.
         """
         answer = self._types.read_reply(payload)
-        request = self._calls.pop((answer.client, answer.number), None)
+        request = self._requests.pop((answer.client, answer.number))
         if request is None:
             return
-        if answer.cdr is not None:
-            if self._result_pause_s:
-                loop = asyncio.get_running_loop()
-                loop.call_later(self._result_pause_s, self.server.answer, request, answer.cdr)
-            else:
-                self.server.answer(request, answer.cdr)
-            return
-        self._fail(request, answer.error or "its server does not know the call any more")
+        if answer.cdr is None:
+            self._fail(request, answer.error or "its server does not know the call any more")
+        elif self._result_pause_s:
+            loop = asyncio.get_running_loop()
+            loop.call_later(self._result_pause_s, request.answer, answer.cdr)
+        else:
+            request.answer(answer.cdr)
 
     def close(self) -> None:
-        """Withdraw the service from ROS 2: its calls get no answer."""
-        while self._calls:
-            self._fail(self._calls.popitem()[1], "its server has gone")
+        """Withdraw the service from ROS 2. Calls that no other server of ours has get no answer."""
+        for request in self._requests.pop_of(self.server):
+            self._fail(request, "its server has gone")
         self.server.close()
 
     def _request(self, request: RequestId, cdr: bytes) -> None:
-        self._last += 1
-        try:
-            payload = self._types.write_request(request.writer, self._last, cdr)
-        except BridgeError as error:
-            self._fail(request, str(error))
+        key = self._requests.add(request, self.server)
+        if key is None:
             return
-        if len(self._calls) >= _MOST_CALLS:
-            self._fail(self._calls.pop(next(iter(self._calls))), "too many later calls have no answer either")
-        self._calls[request.writer, self._last] = request
+        try:
+            payload = self._types.write_request(*key, cdr)
+        except BridgeError as error:
+            if (wrong := self._requests.pop(key)) is not None:
+                self._fail(wrong, str(error))
+            return
+        if (oldest := self._requests.pop_oldest()) is not None:
+            self._fail(oldest, "too many later calls have no answer either")
         self._publish(request.writer, payload)
 
-    def _fail(self, request: RequestId, why: str) -> None:
+    def _fail(self, request: OpenRequest, why: str) -> None:
         self.failed += 1
-        self.server.drop(request)
+        request.drop()
         self._services.warn(f"a call of {self._service} by a node of ROS 2 gets no answer: {why}")
 
 

@@ -15,12 +15,14 @@ topic of replies. The bridge announces them one by one. Once it has announced bo
 import time
 from collections.abc import Callable
 from typing import Final, NamedTuple
+from weakref import WeakValueDictionary
 
 from bus.names import reply_topic, request_topic, service_of_topic
 from bus.schema import MessageSchema
 from bus.vocabulary import DropReason
 from bus_bridge.batch import Batch, Loose, Sample
 from bus_bridge.dds.early import Arrived, Early
+from bus_bridge.dds.open_requests import OpenRequests
 from bus_bridge.dds.service_calls import CallsFromRos, CallsToRos
 from bus_bridge.dds.service_types import KnownServices, ServiceTypes
 from bus_bridge.dds.services import Services
@@ -54,6 +56,8 @@ class ServiceWays:
         self._user_data = user_data
         self._show = show
         self._ends: dict[_Key, list[_End]] = {}
+        self._requests: WeakValueDictionary[str, OpenRequests] = WeakValueDictionary()
+        """Requests of ROS 2 to servers of this bus, by service."""
         self._readers: dict[bytes, _Reader] = {}
         """Routes in, by the GUID of the far writer."""
         self._early: Early[bytes, Arrived] = Early(_EARLY, _EARLY_BYTES)
@@ -157,7 +161,8 @@ class ServiceWays:
     def _make_calls(self, key: _Key, types: ServiceTypes) -> CallsFromRos | CallsToRos:
         service = key.service
         if key.is_server:
-            return CallsFromRos(self._services, service, types, self._deliver, self._user_data)
+            requests = self._requests.setdefault(service, OpenRequests())
+            return CallsFromRos(self._services, service, types, self._deliver, self._user_data, requests)
         topic = reply_topic(service)
         return CallsToRos(
             self._services,

@@ -8,8 +8,10 @@ could get a request before it knows the reader for the answer; Fast DDS drops th
 """
 
 import asyncio
+from collections import defaultdict
 from collections.abc import Callable
 from typing import Final, NamedTuple
+from weakref import WeakValueDictionary
 
 from bus_bridge.dds.names import MARK, service_to_dds, service_types_to_dds, user_data_of
 from bus_bridge.dds.service_identity import (
@@ -31,13 +33,13 @@ from bus_bridge.rtps.running import RunningParticipant
 __all__ = ["NoServer", "Response", "ServiceClient", "ServiceServer", "Services"]
 
 _REQUESTS, _REPLIES = "rq/", "rr/"
+_OF_RESULTS: Final = "/_action/get_resultRequest"
 _MOST_CALLS: Final = 10_000
-"""Calls without an answer, of one client or to one server."""
+"""Calls of one client of ours without an answer."""
+_MOST_OF_CLIENT: Final = 1000
+"""Requests of one far client without an answer: without this limit one could shut out the others."""
 _MOST_EARLY: Final = 100
 """Clients with answers that wait for their reader's announcement, and such answers of one client."""
-_AT_ONCE: Final = 8
-"""Above this number of open calls of a client, further ones wait for their turn. A server of ROS 2 keeps ten
-requests that it has not taken yet, and forgets the oldest ones without a word."""
 _POLL_S: Final = 0.01
 _LONGEST_POLL_S: Final = 0.2
 
@@ -85,6 +87,8 @@ class Services:
         self._servers: set[ServiceServer] = set()
         self._vendors: dict[bytes, bytes] = {}
         """Vendors of far endpoints, by GUID."""
+        self._turns: WeakValueDictionary[str, Turns] = WeakValueDictionary()
+        """By topic of requests: all our clients of a service have the same."""
         self.participant = RunningParticipant(
             domain, self, _is_of_service, host=host, peers=peers, user_data=user_data
         )
@@ -106,6 +110,14 @@ class Services:
         client = ServiceClient(self, _topics(service, type_name), user_data)
         self._clients.add(client)
         return client
+
+    def turns_of(self, requests: str) -> Turns:
+        """The turns of calls of a service, by its topic of requests."""
+        found = self._turns.get(requests)
+        if found is None:
+            # A server takes requests for results at once, and answers when the goals end.
+            found = self._turns[requests] = Turns(1.0) if requests.endswith(_OF_RESULTS) else Turns()
+        return found
 
     def vendor_of(self, guid: bytes) -> bytes:
         """The vendor of the participant of a far endpoint."""
@@ -166,11 +178,13 @@ class ServiceServer:
         self.faulty = 0
         """Requests without an identity."""
         self.refused = 0
-        """Requests while too many others were without an answer."""
+        """Requests while too many others of their client were without an answer."""
         self._services = services
         self._participant = services.participant
         self._on_request = on_request
-        self._open: dict[RequestId, None] = {}
+        self._name = topics.requests
+        self._open: defaultdict[bytes, dict[RequestId, None]] = defaultdict(dict)
+        """Requests without an answer, by GUID of their writer."""
         self._unmatched: dict[bytes, list[Sample]] = {}
         """Answers for readers that have not been announced yet, by GUID of the reader."""
         # The writer of answers first: a client that sees the reader may ask at once.
@@ -188,13 +202,12 @@ class ServiceServer:
     @property
     def waiting(self) -> int:
         """The number of requests without an answer."""
-        return len(self._open)
+        return sum(map(len, self._open.values()))
 
     def answer(self, request: RequestId, cdr: bytes) -> bool:
         """Answer a request; returns False if it has an answer, or if its client has gone."""
-        if self._is_closed or request not in self._open:
+        if self._is_closed or not self._remove(request):
             return False
-        del self._open[request]
         sample, reader = write_answer(request, cdr), request.reader
         if reader and reader not in self._writer.matched:
             self._keep(reader, sample)
@@ -204,7 +217,7 @@ class ServiceServer:
 
     def drop(self, request: RequestId) -> None:
         """There will be no answer: ROS 2 has none that says that a request failed."""
-        self._open.pop(request, None)
+        self._remove(request)
 
     def close(self) -> None:
         """Withdraw the service. A second call has no effect."""
@@ -219,14 +232,26 @@ class ServiceServer:
     def endpoint_removed(self, guid: bytes) -> None:
         """A client has gone: nothing waits for its answers any more."""
         self._unmatched.pop(guid, None)
-        for request in [one for one in self._open if guid in (one.writer, one.client)]:
-            del self._open[request]
+        self._open.pop(guid, None)
+        for requests in list(self._open.values()):
+            for request in [one for one in requests if one.client == guid]:
+                self._remove(request)
 
     def reader_matched(self, guid: bytes) -> None:
         """A client's reader may be matched now: send the answers that wait for it."""
         if guid in self._unmatched and guid in self._writer.matched:
             for sample in self._unmatched.pop(guid):
                 self._write(guid, sample)
+
+    def _remove(self, request: RequestId) -> bool:
+        """Whether it was without an answer until now."""
+        requests = self._open.get(request.writer, {})
+        if request not in requests:
+            return False
+        del requests[request]
+        if not requests:
+            del self._open[request.writer]
+        return True
 
     def _keep(self, reader: bytes, sample: Sample) -> None:
         """Keep an answer until its reader is announced: the announcement may be slower than the request."""
@@ -245,10 +270,14 @@ class ServiceServer:
         except RtpsError:
             self.faulty += 1
             return
-        if len(self._open) >= _MOST_CALLS:
+        if len(self._open.get(request.writer, ())) >= _MOST_OF_CLIENT:
             self.refused += 1
+            self._services.warn(
+                f"{_MOST_OF_CLIENT:,} requests of a client in ROS 2 wait for answers on {self._name}, "
+                "which is the limit: further ones of it are ignored"
+            )
             return
-        self._open[request] = None
+        self._open[request.writer][request] = None
         self._on_request(request, cdr)
 
 
@@ -275,7 +304,8 @@ class ServiceClient:
         )
         self._writer = self._participant.add_writer(topics.requests, topics.request_type, user_data=user_data)
         self._name = topics.requests
-        self._turns = Turns()
+        self._turns = services.turns_of(topics.requests)
+        self._waiting = 0
         self._is_closed = False
 
     @property
@@ -286,7 +316,7 @@ class ServiceClient:
     @property
     def waiting(self) -> int:
         """The number of calls without an answer."""
-        return len(self._calls) + len(self._turns)
+        return len(self._calls) + self._waiting
 
     @property
     def is_ready(self) -> bool:
@@ -311,23 +341,16 @@ class ServiceClient:
         """
         if self.waiting >= _MOST_CALLS:
             raise BridgeError(f"{_MOST_CALLS} calls of {self._name} wait for an answer, which is the limit")
-        if len(self._calls) >= _AT_ONCE or self._turns:
-            await self._turns.wait()
-        server = None if self._is_closed else self._find_server()
-        if server is None:
-            raise NoServer(f"no server of {self._name}")
-        assert self._writer.writer is not None
-        number = self._writer.writer.last + 1
-        vendor = self._services.vendor_of(server.reader)
-        sample = write_request(cdr, self._reader.guid, self._writer.guid, number, vendor)
-        future = asyncio.get_running_loop().create_future()
-        self._calls[number] = future, server
+        self._waiting += 1
         try:
-            self._participant.write(self._writer, sample.payload, inline=sample.inline, to=server.reader)
-            answer: Response = await future
+            turn = await self._turns.begin(self)
         finally:
-            self._calls.pop(number, None)
-            self._turns.next()
+            self._waiting -= 1
+        try:
+            answer = await self._ask(cdr)
+            self._turns.answered(turn)
+        finally:
+            self._turns.ended(turn)
         return answer
 
     def close(self) -> None:
@@ -335,7 +358,7 @@ class ServiceClient:
         if not self._is_closed:
             self._is_closed = True
             self._fail(list(self._calls), "the client is closed")
-            self._turns.end()
+            self._turns.leave(self)
             self._participant.remove(self._writer)
             self._participant.remove(self._reader)
             self._services.forget(self)
@@ -344,8 +367,22 @@ class ServiceClient:
         """A server may have gone: calls to it get no answer."""
         gone = [number for number, (_, server) in self._calls.items() if guid in server]
         self._fail(gone, "its server has gone")
-        if gone and not self.is_ready:
-            self._turns.end()
+
+    async def _ask(self, cdr: bytes) -> Response:
+        server = None if self._is_closed else self._find_server()
+        if server is None:
+            raise NoServer(f"no server of {self._name}")
+        assert self._writer.writer is not None
+        number = self._writer.writer.last + 1
+        vendor = self._services.vendor_of(server.reader)
+        sample = write_request(cdr, self._reader.guid, self._writer.guid, number, vendor)
+        future: asyncio.Future[Response] = asyncio.get_running_loop().create_future()
+        self._calls[number] = future, server
+        try:
+            self._participant.write(self._writer, sample.payload, inline=sample.inline, to=server.reader)
+            return await future
+        finally:
+            self._calls.pop(number, None)
 
     def _fail(self, numbers: list[int], why: str) -> None:
         for number in numbers:
@@ -357,7 +394,7 @@ class ServiceClient:
         reader, writer = self._reader.reader, self._writer.writer
         assert reader is not None and writer is not None
         answering = {guid[:PREFIX_BYTES]: guid for guid in self._reader.matched if reader.is_following(guid)}
-        for guid in self._writer.matched:
+        for guid in reversed(self._writer.matched):  # an older one may be dead before its lease ends
             prefix = guid[:PREFIX_BYTES]
             if prefix in answering and writer.has_answered(guid):
                 return _Server(guid, answering[prefix])
@@ -374,10 +411,15 @@ class ServiceClient:
             return
         number, cdr = found
         future, server = self._calls.get(number, (None, None))
-        if future is None or server is None or arrived.writer != server.writer or future.done():
+        if future is None or server is None or future.done() or not _is_same(arrived.writer, server.writer):
             self.late += 1
             return
         future.set_result(Response(cdr, arrived.writer))
+
+
+def _is_same(one: bytes, other: bytes) -> bool:
+    """Whether both are of one participant: nothing says which writer belongs to which reader of a process."""
+    return one[:PREFIX_BYTES] == other[:PREFIX_BYTES]
 
 
 def _topics(service: str, type_name: str) -> _Topics:

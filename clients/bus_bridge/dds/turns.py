@@ -1,6 +1,9 @@
-"""The order in which many calls of one client are made, so that the far server gets few at once.
+"""The order of many calls of one service, so that the queue of its server in ROS 2 does not overflow.
 
-Owns: the calls that wait. Must not know: what a call is.
+Owns: the calls that wait, and those that may be in the server's queue. Must not know: what a call is.
+
+A server takes requests in their order. So an answer tells that no earlier request is in its queue any more,
+also if an earlier one has no answer: it is lost, or the server works on many calls at the same time.
 """
 
 import asyncio
@@ -9,59 +12,88 @@ from typing import Final
 
 __all__ = ["Turns"]
 
+_AT_ONCE: Final = 8
+"""A server of ROS 2 keeps ten requests that it has not taken, and forgets the oldest ones without a word."""
 _PAUSE_S: Final = 0.1
+_GROWTH: Final = 4.0
 
 
 class Turns:
-    """Calls that wait until they are made, in their order.
+    """Calls of all our clients of a service.
 
-    The next one is made when an open call has ended (`next`), or after a pause: a server may work on many
-    calls at the same time.
+    While eight calls may be in the server's queue, further ones wait until an open call has ended, or for a
+    pause without an answer: a server may work on many calls at the same time. Each further call without an
+    answer makes the pause `growth` times as long.
     """
 
-    def __init__(self) -> None:
-        self._waiting: deque[asyncio.Future[None]] = deque()
+    def __init__(self, growth: float = _GROWTH) -> None:
+        self._growth = growth
+        self._last = 0
+        self._queued: dict[int, None] = {}
+        """Numbers of calls that may be in the server's queue, in order."""
+        self._waiting: deque[tuple[asyncio.Future[int], object]] = deque()
         self._pause: asyncio.TimerHandle | None = None
 
     def __len__(self) -> int:
+        """The number of waiting calls."""
         return len(self._waiting)
 
-    async def wait(self) -> None:
-        """Wait for a turn. Cancellation gives it up."""
-        loop = asyncio.get_running_loop()
-        turn = loop.create_future()
-        self._waiting.append(turn)
-        if self._pause is None:
-            self._pause = loop.call_later(_PAUSE_S, self._pause_ended)
+    async def begin(self, client: object) -> int:
+        """Wait for a turn; returns its number, for `ended`. Cancellation gives it up."""
+        turn = asyncio.get_running_loop().create_future()
+        self._waiting.append((turn, client))
+        self._settle()
         try:
-            await turn
+            number: int = await turn
         except asyncio.CancelledError:
-            if turn in self._waiting:
-                self._waiting.remove(turn)
+            if turn.done() and not turn.cancelled():
+                self.ended(turn.result())
+            else:
+                self._waiting = deque(one for one in self._waiting if one[0] is not turn)
                 self._settle()
-            else:  # it had its turn already: the next one gets it
-                self.next()
             raise
+        return number
 
-    def next(self) -> None:
-        """Give the next one its turn, if one waits."""
-        while self._waiting:
-            turn = self._waiting.popleft()
-            if not turn.done():
-                turn.set_result(None)
-                break
+    def answered(self, number: int) -> None:
+        """There is an answer to the call with this number."""
+        for one in [one for one in self._queued if one <= number]:
+            del self._queued[one]
+        self._stop_pause()
         self._settle()
 
-    def end(self) -> None:
-        """Give all their turn."""
-        while self._waiting:
-            self.next()
+    def ended(self, number: int) -> None:
+        """The call with this number has ended in any way. Further calls of this have no effect."""
+        self._queued.pop(number, None)
+        self._settle()
+
+    def leave(self, client: object) -> None:
+        """Give all calls of a client their turn: the client is closed."""
+        for turn, owner in [one for one in self._waiting if one[1] is client]:
+            self._waiting.remove((turn, owner))
+            self._give(turn)
+        self._settle()
 
     def _settle(self) -> None:
-        if not self._waiting and self._pause is not None:
+        while self._waiting and len(self._queued) < _AT_ONCE:
+            self._give(self._waiting.popleft()[0])
+        if not self._waiting:
+            self._stop_pause()
+        elif self._pause is None:
+            pause_s = _PAUSE_S * self._growth ** min(len(self._queued) - _AT_ONCE, 8)
+            self._pause = asyncio.get_running_loop().call_later(pause_s, self._pause_ended)
+
+    def _give(self, turn: "asyncio.Future[int]") -> None:
+        if not turn.done():
+            self._last += 1
+            self._queued[self._last] = None
+            turn.set_result(self._last)
+
+    def _stop_pause(self) -> None:
+        if self._pause is not None:
             self._pause.cancel()
             self._pause = None
 
     def _pause_ended(self) -> None:
-        self._pause = asyncio.get_running_loop().call_later(_PAUSE_S, self._pause_ended)
-        self.next()
+        self._pause = None
+        self._give(self._waiting.popleft()[0])
+        self._settle()

@@ -20,6 +20,7 @@ from rclpy.action import ActionClient, ActionServer, CancelResponse
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.duration import Duration
 from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor, SingleThreadedExecutor
+from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 _LONG = 100
@@ -83,6 +84,7 @@ class Peer:
         self._streams: dict[str, Any] = {}
         self._services: dict[str, Any] = {}
         self._clients: dict[str, Any] = {}
+        self._nodes: list[Any] = []
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self.node)
         self._thread = threading.Thread(target=self._spin, daemon=True)
@@ -138,6 +140,24 @@ class Peer:
             return fill(response, answer)
 
         self._services[service] = self.node.create_service(cls, service, on_request)
+
+    def manage(self, name: str) -> None:
+        """Make a lifecycle node, which tells its transitions. It fails to activate the first time."""
+        failures = ["activate"]
+
+        class Managed(LifecycleNode):  # type: ignore[misc]
+            def on_configure(self, state: Any) -> Any:
+                tell(heard=name, message="configure")
+                return TransitionCallbackReturn.SUCCESS
+
+            def on_activate(self, state: Any) -> Any:
+                tell(heard=name, message="activate")
+                if failures and failures.pop():
+                    return TransitionCallbackReturn.FAILURE
+                return super().on_activate(state)
+
+        self._nodes.append(Managed(name))
+        self._executor.add_node(self._nodes[-1])
 
     def call(self, service: str, type_name: str, count: int = 1, time_s: float = 10.0, **request: Any) -> Any:
         """Call a service once it is there, `count` times at once; None for an answer that did not come."""
@@ -233,6 +253,10 @@ class Peer:
             self._clients[service] = self.node.create_client(class_of(type_name), service)
         return bool(self._clients[service].service_is_ready())
 
+    def servers(self, service: str) -> int:
+        """How many servers there are, by the node's own graph."""
+        return int(self.node.count_services(service))
+
     def end(self, topic: str) -> None:
         """The endpoints go."""
         if topic in self._services:
@@ -248,6 +272,8 @@ class Peer:
         """The node goes, and says so: others need not wait for its lease."""
         self._executor.shutdown()
         self._thread.join(5.0)
+        for node in self._nodes:
+            node.destroy_node()
         self._executor.remove_node(self.node)
         self.node.destroy_node()
         rclpy.try_shutdown()
@@ -310,11 +336,13 @@ def main() -> None:
         "stream",
         "stop",
         "offer",
+        "manage",
         "call",
         "serve_action",
         "send_goal",
         "services",
         "has_server",
+        "servers",
         "end",
         "matched",
         "nodes",

@@ -9,8 +9,10 @@ import pytest
 
 from bus.srv.example_interfaces import AddTwoInts
 from bus.types.service import Reply, service_support
-from bus_bridge.dds import service_calls
+from bus_bridge.dds import open_requests, service_calls
+from bus_bridge.dds.open_requests import OpenRequests
 from bus_bridge.dds.service_calls import CallsFromRos, CallsToRos
+from bus_bridge.dds.service_identity import RequestId
 from bus_bridge.dds.service_types import ServiceTypes
 from bus_bridge.dds.services import Services
 from conftest import WAIT_S
@@ -157,7 +159,7 @@ async def test_limits(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
     await world.hold()
     world.call(2)
     assert "1 calls of /add wait for an answer" in (await world.replied()).error
-    monkeypatch.setattr(service_calls, "_MOST_CALLS", 1)
+    monkeypatch.setattr(open_requests, "_MOST", 1)
     monkeypatch.setattr(service_calls, "_MOST_TASKS", 9)
     world.call(3)
     await until(lambda: len(world.asked) == 2)
@@ -177,3 +179,39 @@ async def test_a_result_waits_for_the_last_feedback(world: World, monkeypatch: p
     assert (served.waiting, served.server.waiting, world.replies) == (0, 1, [])
     served.close()
     calls.close()
+
+
+async def test_two_servers_of_a_service_share_its_requests(world: World) -> None:
+    """A client in ROS 2 sends a request to both; each server here gets what one of them publishes."""
+    requests = OpenRequests()
+    one, other = (
+        CallsFromRos(world.here, "/two", ADD, lambda _, one: two.append(one), requests=requests)
+        for _ in range(2)
+    )
+    two: list[bytes] = []
+    client = b"w" * 16
+    cdr = b"\0\1\0\0" + bytes(16)
+
+    def send(number: int, *ends: CallsFromRos) -> None:
+        request = RequestId(client, number, client)
+        for end in ends:
+            end.server._open[client][request] = None
+            end._request(request, cdr)
+
+    send(1, one, other)
+    send(2, other)
+    decoded = [SUPPORT.requests.decode(one) for one in two]
+    assert [(request.client, request.number) for request in decoded] == [(client, 1), (client, 2)]
+    response = SUPPORT.encode_response(client, 1, AddTwoInts.Response(sum=5))
+    other.reply(response)
+    one.reply(response)
+    assert (one.waiting, one.server.waiting, other.server.waiting) == (1, 0, 1)
+    send(1, one)  # late
+    assert (len(two), one.server.waiting) == (2, 0)
+    send(3, one, other)
+    other.close()
+    assert world.warnings == ["a call of /two by a node of ROS 2 gets no answer: its server has gone"]
+    assert (one.waiting, one.server.waiting) == (1, 1)
+    one.reply(SUPPORT.encode_response(client, 3, AddTwoInts.Response(sum=5)))
+    assert (one.waiting, one.server.waiting) == (0, 0)
+    one.close()

@@ -97,6 +97,40 @@ async def test_each_client_gets_its_own_answers(world: World) -> None:
     assert (world.client.late, other.late) == (0, 0)
 
 
+async def test_two_servers_in_one_process(world: World) -> None:
+    def on_request(request: RequestId, cdr: bytes) -> None:
+        assert other.answer(request, cdr + b"!")
+
+    other = world.here.serve(SERVICE, TYPE, on_request)
+    await world.ready()
+    await until(lambda: len(world.client._reader.matched) == 2)
+    assert await world.call(b"one") == CDR + b"one!"
+    world.server.close()
+    await until(lambda: len(world.client._reader.matched) == 1)
+    assert await world.call(b"two") == CDR + b"two!"
+
+
+async def test_the_newest_server_is_called(world: World) -> None:
+    """An older one may be dead, and nothing tells so before its lease ends."""
+    await world.ready()
+    world.answers = False
+    newer = Services(DOMAIN, world.warnings.append)
+
+    def on_request(request: RequestId, cdr: bytes) -> None:
+        assert server.answer(request, cdr + b"?")
+
+    try:
+        server = newer.serve(SERVICE, TYPE, on_request)
+        found = world.client._find_server()
+        await until(lambda: world.client._find_server() != found)
+        assert await world.call(b"one") == CDR + b"one?"
+    finally:
+        newer.close()
+    await until(lambda: len(world.client._reader.matched) == 1)
+    world.answers = True
+    assert await world.call(b"two") == CDR + b"two!"
+
+
 async def test_a_long_answer(world: World) -> None:
     await world.ready()
     assert await world.call(bytes(200_000)) == CDR + bytes(200_000) + b"!"
@@ -160,12 +194,21 @@ async def test_calls_have_a_limit(world: World, monkeypatch: pytest.MonkeyPatch)
     task = await world.hold()
     with pytest.raises(BridgeError, match="1 calls of rq/sRequest wait for an answer"):
         await world.client.call(CDR)
+    task.cancel()
+
+
+async def test_requests_of_a_client_have_a_limit(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("bus_bridge.dds.services._MOST_OF_CLIENT", 1)
+    await world.ready()
+    tasks = [await world.hold(), asyncio.create_task(world.client.call(CDR))]
+    await until(lambda: world.server.refused)
+    assert "1 requests of a client in ROS 2 wait for answers on rq/sRequest" in world.warnings.pop()
     other = world.there.make_client(SERVICE, TYPE)
     await asyncio.wait_for(other.wait_until_ready(), WAIT_S)
-    refused = asyncio.create_task(other.call(CDR))
-    await until(lambda: world.server.refused)
-    task.cancel()
-    refused.cancel()
+    tasks.append(asyncio.create_task(other.call(CDR)))
+    await until(lambda: world.server.waiting == 2)
+    for task in tasks:
+        task.cancel()
 
 
 async def test_a_call_waits_until_the_server_knows_both_ends(
