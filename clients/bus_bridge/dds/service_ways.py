@@ -79,18 +79,13 @@ class ServiceWays:
     def announce_subscription(self, endpoint: LocalEndpoint, schema: MessageSchema) -> Callable[[], None]:
         """As `Engine.announce_subscription`, for a topic of requests or replies."""
         end = self._end_without(endpoint, "subscription")
-        end.subscription = schema
-
-        def withdraw() -> None:
-            end.subscription = None
-            self.dissolve(end)
-
+        end.subscription = subscription = _Subscription(end, schema)
         try:
             self._complete(end)
         except BridgeError:
-            withdraw()
+            subscription.withdraw()
             raise
-        return withdraw
+        return subscription.withdraw
 
     def read(self, endpoint: FarEndpoint, on_batch: Callable[[Batch], None]) -> Reader:
         """As `Engine.read`, for a topic of requests or replies."""
@@ -120,12 +115,19 @@ class ServiceWays:
             self._show(end.node, end.guids, False)
             end.calls.close()
             end.calls = None
-        if end.publisher is None and end.subscription is None:
-            ends = self._ends.get(end.key, [])
-            if end in ends:
-                ends.remove(end)
-            if not ends:
-                self._ends.pop(end.key, None)
+        ends = self._ends.get(end.key, [])
+        other = next((one for one in ends if one is not end and one.fits(end)), None)
+        if other is not None:
+            other.take_over(end)
+        if end.publisher is None and end.subscription is None and end in ends:
+            ends.remove(end)
+        if not ends:
+            self._ends.pop(end.key, None)
+        if other is not None:
+            try:
+                self._complete(other)
+            except BridgeError as error:
+                self._services.warn(f"{end.key.service} is not carried any more: {error}")
 
     def reader_closed(self, reader: "_Reader") -> None:
         if self._readers.get(reader.endpoint.gid) is reader:
@@ -150,7 +152,7 @@ class ServiceWays:
         """Make the end in ROS 2 if both of its endpoints are announced. Raises BridgeError."""
         if end.publisher is None or end.subscription is None or end.calls is not None:
             return
-        schemas = (end.publisher.schema, end.subscription)
+        schemas = (end.publisher.schema, end.subscription.schema)
         requests, replies = reversed(schemas) if end.key.is_server else schemas
         types = ServiceTypes.of(requests, replies)
         self._known.learn(types)
@@ -196,8 +198,7 @@ class _End:
         self.key = key
         self.node = node
         self.publisher: _Writer | None = None
-        self.subscription: MessageSchema | None = None
-        """The schema of its subscription."""
+        self.subscription: _Subscription | None = None
         self.calls: CallsFromRos | CallsToRos | None = None
         """Its end in ROS 2."""
 
@@ -208,12 +209,40 @@ class _End:
         one = self.calls
         return one.server.guids if isinstance(one, CallsFromRos) else one.client.guids
 
+    def fits(self, other: "_End") -> bool:
+        """Whether one of them has only the publisher, and the other one only the subscription."""
+        halves = {(one.publisher is None, one.subscription is None) for one in (self, other)}
+        return halves == {(True, False), (False, True)}
+
+    def take_over(self, other: "_End") -> None:
+        """Take the only endpoint of another end: it was announced with one that has gone."""
+        if other.publisher is not None:
+            self.publisher, other.publisher = other.publisher, None
+            self.publisher.move_to(self)
+        elif other.subscription is not None:
+            self.subscription, other.subscription = other.subscription, None
+            self.subscription.end = self
+
     def take(self, payload: bytes) -> None:
         """Take a message of its publisher. Raises BridgeError for a wrong one."""
         if isinstance(self.calls, CallsFromRos):
             self.calls.reply(payload)
         elif self.calls is not None:
             self.calls.request(payload)
+
+
+class _Subscription:
+    """The subscription of a server or client."""
+
+    def __init__(self, end: _End, schema: MessageSchema) -> None:
+        self.end = end
+        self.schema = schema
+
+    def withdraw(self) -> None:
+        """A second call has no effect."""
+        if self.end.subscription is self:
+            self.end.subscription = None
+            self.end.ways.dissolve(self.end)
 
 
 class _Writer:
@@ -228,6 +257,9 @@ class _Writer:
     @property
     def is_wanted(self) -> bool:
         return self._end is not None
+
+    def move_to(self, end: _End) -> None:
+        self._end = end
 
     def write(self, batch: Batch) -> int:
         if self._end is not None and self._end.calls is None:

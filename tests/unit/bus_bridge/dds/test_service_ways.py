@@ -199,6 +199,22 @@ async def test_two_clients_of_a_node(world: World) -> None:
     assert len(side.shown) == 1
 
 
+async def test_endpoints_of_two_clients_find_each_other(world: World) -> None:
+    """The bridge announces them in any order: an end may have endpoints of both clients."""
+    side = world.there
+    withdraw = [side.subscribe("replies")]
+    writers = [side.publish("requests"), side.publish("requests")]
+    withdraw.append(side.subscribe("replies"))
+    assert len(side.shown) == 2
+    writers[0].close()
+    withdraw[1]()
+    assert len(side.shown) == 1
+    assert writers[1].write(one(SUPPORT.encode_request(CLIENT, 1, AddTwoInts.Request()))) == 1
+    withdraw[0]()
+    writers[1].close()
+    assert side.shown == [] and side.ways._ends == {}
+
+
 async def test_a_client_and_a_server_of_a_node(world: World) -> None:
     side = world.here
     side.subscribe("requests")
