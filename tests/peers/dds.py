@@ -22,6 +22,7 @@ from bus_bridge.dds import raw
 from bus_bridge.dds.engine import DdsEngine
 from bus_bridge.dds.options import DdsOptions
 from bus_bridge.dds.participant import configuration
+from bus_bridge.dds.rtps_topics import RtpsCarrier
 from bus_bridge.engine import FarBus, FarEndpoint, FarNode, LocalEndpoint, LocalNode, RouteRule, Writer
 from conftest import WAIT_S
 from ports import own_domain
@@ -132,10 +133,23 @@ class Bridge:
     async def read(self, topic: str) -> Any:
         """From now on what its publisher says is in `heard`."""
         endpoint = await until(lambda: self.far.find("publisher", topic), f"no publisher of {topic}")
-        return self.engine.read(endpoint, await self.engine.find_schema(endpoint), self.hear)
+        way = self.engine.read(endpoint, await self.engine.find_schema(endpoint), self.hear)
+        if isinstance(carrier := self.engine._carrier, RtpsCarrier):
+            # Each side finds the other one by itself: the publisher may not know the reader yet.
+            await until(
+                lambda: all(_is_known(one, endpoint) for one in carrier._readers.get(f"rt{topic}", ()))
+            )
+        return way
 
     def hear(self, batch: Batch) -> None:
         self.heard += [msgspec.msgpack.decode(sample.payload)[0] for sample in batch]
+
+
+def _is_known(reader: Any, endpoint: FarEndpoint) -> bool:
+    """Whether a publisher knows a reader of our RTPS; without reliability there is no way to tell."""
+    if not reader.policies.reliable or endpoint.qos.reliability is not Reliability.RELIABLE:
+        return True
+    return bool(reader.local.reader.is_following(endpoint.gid))
 
 
 def _local(kind: Any, topic: str, qos: QoSProfile, schema: MessageSchema = STRING) -> LocalEndpoint:
