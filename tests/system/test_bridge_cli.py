@@ -235,7 +235,11 @@ class TestMistakes:
                 ["zenoh"],
                 "a bridge to zenoh needs eclipse-zenoh: pip install 'eclipse-zenoh>=1.10,<2'\n",
             ),
-            ("cyclonedds", ["ros2", "--carrier", "cyclonedds"], "cyclonedds can't be loaded: "),
+            (
+                "cyclonedds",
+                ["ros2", "--carrier", "cyclonedds"],
+                "the carrier cyclonedds is missing: a bridge to ros2 is faster with cyclonedds: ",
+            ),
             (
                 "nothing",
                 ["ros2", "--carrier", "rtps", "--distro", "humble"],

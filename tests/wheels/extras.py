@@ -49,7 +49,11 @@ TRIALS = {
     "bag": Trial(("bag", "record", "--all", "--output", "bag"), r"Recording\.\.\.", "mcap"),
     "cli": Trial(("completion", "bash"), r"complete .*-F", "argcomplete"),
     "metrics": Trial(("metrics", "--once"), r"# TYPE busd_", "prometheus-client"),
-    "ros2": Trial(("bridge", "ros2", "--domain-id", "{domain}"), r"in domain \d+ of DDS", "cyclonedds"),
+    "ros2": Trial(
+        ("bridge", "ros2", "--domain-id", "{domain}", "--carrier", "cyclonedds"),
+        r"in domain \d+ of DDS",
+        "cyclonedds",
+    ),
     "top": Trial(("top",), r"TOPIC", "textual", key="q"),
     "vision": Trial(
         ("run", "vision.py"),

@@ -12,6 +12,7 @@ from bus_bridge.dds.interfaces import check_interface, is_address
 from bus_bridge.dds.options import DdsOptions
 from bus_bridge.dds.qos import INFINITE, Policies
 from bus_bridge.errors import BridgeError
+from bus_bridge.extras import why_missing
 
 __all__ = ["Participant", "configuration", "policies_of", "user_data_in"]
 
@@ -70,7 +71,11 @@ class Participant:
             from cyclonedds.sub import DataReader, Subscriber
             from cyclonedds.topic import Topic
         except (ImportError, OSError) as error:
-            raise BridgeError(f"cyclonedds can't be loaded: {error}") from None
+            why = why_missing("ros2")
+            text = (
+                f"the carrier cyclonedds is missing: {why}" if why else f"cyclonedds can't be loaded: {error}"
+            )
+            raise BridgeError(text) from None
         options.check()
         self._error = DDSException
         self._listener, self._policy, self._qos = Listener, Policy, Qos
