@@ -1,11 +1,12 @@
 """Counters of endpoints and of groups, from look to look: rates, recent losses, ages. Pure."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from bus.graph import EndpointStatistics, GraphEndpoint
 from bus.qos import History, QoSProfile
-from bus_web.rates import Meter, RateHistory
+from bus_plot.loss_timeline import LossTimeline
+from bus_web.rates import HISTORY_S, Meter, RateHistory
 from bus_web.rows import Ages
 
 __all__ = ["Counters", "Group", "ages_of", "depth_of"]
@@ -25,14 +26,19 @@ class Counters:
 
     __slots__ = (
         "aged",
+        "dropped",
         "endpoint",
+        "is_reported",
         "looked_ns",
         "losses",
         "lost",
         "lost_per_s",
         "meter",
+        "new_losses",
         "rates",
+        "since_ns",
         "statistics",
+        "timeline",
     )
 
     def __init__(self) -> None:
@@ -46,20 +52,49 @@ class Counters:
         self.lost = -1
         self.lost_per_s = 0.0
         self.looked_ns = 0
+        self.is_reported = False
+        """Whether its process has ever reported counters."""
+        self.dropped: Mapping[str, int] = {}
+        """Messages lost, by reason. After a restart of busd these are the earlier figures, until the process
+        reports its own."""
+        self.new_losses: Mapping[str, int] = {}
+        """The messages lost since `since_ns`."""
+        self.since_ns = 0
+        """The time of the look before; 0 if there was none."""
+        self.timeline: LossTimeline | None = None
+        """When they were lost; None if none was."""
 
-    def take(self, endpoint: GraphEndpoint, now_ns: int) -> None:
+    def take(self, endpoint: GraphEndpoint, now_ns: int, looked_ns: int = 0) -> None:
+        """`looked_ns`: the time of the last look at the bus, without this endpoint; 0 if there was none."""
         self.endpoint = endpoint
         self.statistics = statistics = endpoint.statistics or _NOTHING
+        if statistics.at_ns or not self.is_reported:
+            self._note(statistics.dropped, now_ns, self.looked_ns or looked_ns)
+            self.is_reported |= statistics.at_ns > 0
+        else:
+            self.new_losses = {}
         self.meter.add(statistics.at_ns, statistics.samples, statistics.bytes)
         self.rates = self.meter.rates(now_ns)
         if statistics.age_count:
             self.aged = statistics
         elif self.aged is not None and now_ns - self.aged.at_ns > _NOW_NS:
             self.aged = None
-        lost = sum(statistics.dropped.values()) if statistics.dropped else 0
+        lost = sum(self.dropped.values()) if self.dropped else 0
         if lost != self.lost or len(self.losses) != 1:
             self._lose(lost, now_ns)
         self.looked_ns = now_ns
+
+    def _note(self, dropped: Mapping[str, int], now_ns: int, looked_ns: int) -> None:
+        """Note what was lost since the look at `looked_ns`; lower counts than before begin anew."""
+        before, self.dropped = self.dropped, dropped
+        if dropped == before:
+            self.new_losses = {}
+            return
+        lost = {reason: count - min(before.get(reason, 0), count) for reason, count in dropped.items()}
+        if self.timeline is None:
+            self.timeline = LossTimeline()
+        self.new_losses, self.since_ns = lost, looked_ns
+        _note_losses(self.timeline, lost, looked_ns, now_ns)
 
     def _lose(self, lost: int, now_ns: int) -> None:
         losses, self.lost = self.losses, lost
@@ -78,6 +113,14 @@ class Counters:
         self.lost_per_s = (lost - losses[0][1]) * _NS / span_ns if span_ns else 0.0
 
 
+def _note_losses(timeline: LossTimeline, lost: Mapping[str, int], since_ns: int, now_ns: int) -> None:
+    """Add losses to a timeline; `since_ns` of 0: nobody knows when they began."""
+    if since_ns:
+        timeline.add(since_ns / _NS, now_ns / _NS, lost)
+    else:
+        timeline.add_earlier(lost)
+
+
 def ages_of(counters: Iterable[Counters]) -> Ages | None:
     number = sum_ns = most_ns = 0
     for one in counters:
@@ -91,13 +134,28 @@ def ages_of(counters: Iterable[Counters]) -> Ages | None:
 class Group:
     """The endpoints of a topic, or of a node, with their combined counters."""
 
-    __slots__ = ("bytes_per_s", "fixed", "history", "hz", "is_hidden", "publishers", "subscriptions")
+    __slots__ = (
+        "bytes_per_s",
+        "fixed",
+        "history",
+        "hz",
+        "is_hidden",
+        "looked_ns",
+        "publishers",
+        "subscriptions",
+        "timeline",
+    )
 
-    def __init__(self, history: RateHistory, *, is_hidden: bool) -> None:
+    def __init__(
+        self, history: RateHistory, timeline: LossTimeline | None = None, *, is_hidden: bool
+    ) -> None:
+        """`timeline`: the losses of a topic, also of its subscriptions that have left; None for a node."""
         self.publishers: list[Counters] = []
         self.subscriptions: list[Counters] = []
         self.is_hidden = is_hidden
         self.history = history
+        self.timeline = timeline
+        self.looked_ns = 0
         self.hz: float | None = None
         self.bytes_per_s: float | None = None
         self.fixed: dict[str, Any] | None = None
@@ -109,6 +167,11 @@ class Group:
 
     def add(self, now_ns: int) -> None:
         """Its endpoints have been looked at."""
+        self.looked_ns = now_ns
+        if self.timeline is not None:
+            for one in self.subscriptions:
+                if one.new_losses:
+                    _note_losses(self.timeline, one.new_losses, one.since_ns, now_ns)
         hz = bytes_per_s = None
         for one in self.publishers:
             if (rates := one.rates) is not None:
@@ -123,7 +186,7 @@ class Group:
         queued, most, depth, lost_per_s = 0, -1, None, 0.0
         for one in self.subscriptions:
             counters = one.statistics
-            for reason, count in counters.dropped.items():
+            for reason, count in one.dropped.items():
                 dropped[reason] = dropped.get(reason, 0) + count
             queued += counters.queued
             if counters.queued > most:
@@ -138,4 +201,18 @@ class Group:
             "age": ages_of(self.subscriptions),
             "lost_per_s": lost_per_s,
             "dropped": dropped,
+            "lost_history": self._lost_history(),
+            "lost_in_all": sum(one.total for one in self._timelines()),
         }
+
+    def _timelines(self) -> list[LossTimeline]:
+        if self.timeline is not None:
+            return [self.timeline]
+        return [one.timeline for one in self.subscriptions if one.timeline is not None]
+
+    def _lost_history(self) -> tuple[float, ...]:
+        """Messages lost in each of the last seconds; empty if none was."""
+        end_s = self.looked_ns // _NS + 1
+        begin_s = end_s - HISTORY_S
+        bars = [one.bars(begin_s, end_s, HISTORY_S) for one in self._timelines() if one.newest_s >= begin_s]
+        return tuple(map(sum, zip(*bars, strict=True))) if any(map(any, bars)) else ()

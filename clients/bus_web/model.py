@@ -3,12 +3,13 @@
 Pure: graphs and times come in, rows go out. `bus top` and the page both show them.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from typing import Any
 
 from bus.diagnostics.mismatch import Describe, mismatch
 from bus.graph import Graph, GraphEndpoint, GraphMatch
 from bus.names import is_hidden_node, is_hidden_topic
+from bus_plot.loss_timeline import LossTimeline
 from bus_web.counters import Counters, Group, ages_of, depth_of
 from bus_web.rates import RateHistory
 from bus_web.rows import EndpointRow, NodeRow, Pair, Sums, TopicRow
@@ -18,6 +19,15 @@ __all__ = ["Model"]
 _MOST_PAIRS = 1000
 """The model checks at most so many pairs of a topic: a list of a thousand publishers, each with a thousand
 subscriptions, is not readable."""
+
+_MOST_PASTS = 1000
+"""The model remembers so many subscriptions that have left after losses, and so many topics with losses but
+without an endpoint. Above that, it forgets the first that has left."""
+
+
+def _forget_first(kept: dict[Any, Any]) -> None:
+    while len(kept) > _MOST_PASTS:
+        del kept[next(iter(kept))]
 
 
 def _identity(graph: Graph) -> tuple[int, int]:
@@ -44,6 +54,11 @@ class Model:
         self._matches: dict[int, list[GraphMatch]] = {}
         """Keys are the ids of both endpoints."""
         self._pairs: dict[str, tuple[Pair, ...]] = {}
+        self._looked_ns = 0
+        self._left: dict[bytes, Counters] = {}
+        """Subscriptions with losses that are not in the graph: they come back after a restart of busd."""
+        self._pasts: dict[str, LossTimeline] = {}
+        """Losses of topics that are not in the graph."""
 
     @property
     def has_graph(self) -> bool:
@@ -69,11 +84,12 @@ class Model:
             self._arrange(ends, gids)
         for one, mine in zip(ends, self._counters, strict=True):
             if mine is not None:
-                mine.take(one, now_ns)
+                mine.take(one, now_ns, self._looked_ns)
         for group in self._topics.values():
             group.add(now_ns)
         for group in self._nodes.values():
             group.add(now_ns)
+        self._looked_ns = now_ns
         return is_new
 
     def _arrange(self, ends: Sequence[GraphEndpoint], gids: list[bytes]) -> None:
@@ -86,11 +102,12 @@ class Model:
             if one.node.pid in self._own and is_hidden_node(one.node.name):
                 self._counters.append(None)
                 continue
-            mine = counters.get(one.gid) or Counters()
+            mine = counters.pop(one.gid, None) or self._left.pop(one.gid, None) or Counters()
             self._counters.append(mine)
             if (topic := topics.get(one.topic)) is None:
                 topic = topics[one.topic] = Group(
                     known.history if (known := self._topics.get(one.topic)) else RateHistory(),
+                    self._timeline_of(one.topic),
                     is_hidden=is_hidden_topic(one.topic),
                 )
             if (node := nodes.get(one.node.id)) is None:
@@ -100,12 +117,33 @@ class Model:
                 )
             for group in (topic, node):
                 (group.publishers if one.kind == "publisher" else group.subscriptions).append(mine)
+        self._remember(counters.items(), topics)
         self._topics, self._nodes = {name: topics[name] for name in sorted(topics)}, nodes
         self._pairs = {}
         self._matches = {}
         for match in self.graph.matches:
             self._matches.setdefault(match.publisher, []).append(match)
             self._matches.setdefault(match.subscription, []).append(match)
+
+    def _timeline_of(self, topic: str) -> LossTimeline:
+        known = self._topics.get(topic)
+        timeline = known.timeline if known is not None else self._pasts.pop(topic, None)
+        return timeline or LossTimeline()
+
+    def _remember(self, left: Iterable[tuple[bytes, Counters | None]], topics: Collection[str]) -> None:
+        """Keep the losses of endpoints that are no longer in the graph, and of their topics."""
+        self._left.update((gid, one) for gid, one in left if one is not None and one.timeline)
+        for name, group in self._topics.items():
+            if group.timeline and name not in topics:
+                self._pasts[name] = group.timeline
+        _forget_first(self._left)
+        _forget_first(self._pasts)
+
+    def losses(self, topic: str) -> LossTimeline | None:
+        """When messages of a topic were lost, in seconds of the monotonic clock, from the first look on; None
+        if the topic does not exist."""
+        group = self._topics.get(topic)
+        return None if group is None else group.timeline
 
     def forget_pairs(self) -> None:
         """Call this when `describe` has learned more since the model called it."""
@@ -223,7 +261,7 @@ class Model:
             bytes_per_s=bytes_per_s,
             queued=counters.queued,
             depth=depth_of(one.qos),
-            dropped=counters.dropped,
+            dropped=mine.dropped,
             lost_per_s=mine.lost_per_s,
             routes=tuple(sorted(self._routes(one))),
             age=ages_of([mine]),

@@ -20,19 +20,23 @@ log                         | `on`: whether it shows the log
 """
 
 from collections.abc import Iterable, Mapping
+from math import ceil
 from typing import Any
 
 import msgspec
 
 from bus.names import is_hidden_node
 from bus.qos import in_words
+from bus_plot.loss_timeline import LossTimeline
 from bus_web.model import Model
-from bus_web.rows import Ages, EndpointRow, TopicRow
+from bus_web.rows import Ages, TopicRow
 
 __all__ = ["SUBPROTOCOL", "Log", "Look", "Mistake", "Sent", "detail", "graph", "history", "message", "read"]
 
 SUBPROTOCOL = "busd.page.v1"
 _MOST_LOOKS = 32
+_BARS = 60
+_MOST_BURSTS = 8
 _encode = msgspec.json.encode
 
 
@@ -97,16 +101,41 @@ def graph(model: Model) -> bytes:
 
 
 def history(rows: Iterable[TopicRow]) -> bytes:
-    """The frame with the histories of topics that had recent messages."""
-    return message("history", topics={row.topic: _short(row.history) for row in rows if any(row.history)})
+    """The frame with the histories of topics that had recent messages or losses."""
+    rows = [*rows]
+    return message(
+        "history",
+        topics={row.topic: _short(row.history) for row in rows if any(row.history)},
+        losses={row.topic: _short(row.lost_history) for row in rows if row.lost_history},
+    )
 
 
-def detail(endpoints: Iterable[EndpointRow]) -> bytes:
-    """All counters of some endpoints."""
+def detail(model: Model, topics: Iterable[str], now_s: float) -> bytes:
+    """All counters of the endpoints of some topics, and the losses of these topics. `now_s`: the time of the
+    monotonic clock."""
+    topics = [*topics]
+    ends = [one for topic in topics for one in model.endpoints(topic)]
+    losses = {topic: _losses(one, now_s) for topic in topics if (one := model.losses(topic))}
     return message(
         "detail",
-        ends={str(one.id): [one.messages, one.bytes, one.queued, one.dropped] for one in endpoints},
+        ends={str(one.id): [one.messages, one.bytes, one.queued, one.dropped] for one in ends},
+        losses=losses,
     )
+
+
+def _losses(timeline: LossTimeline, now_s: float) -> dict[str, Any]:
+    """The past of a topic's losses. Times are seconds ago, because the page has a different clock."""
+    began_s = min((slot.at_s for slot in timeline.slots()), default=now_s)
+    width_s = max(1, ceil((now_s - began_s) / (_BARS - 1)))
+    end_s = (now_s // width_s + 1) * width_s  # so a bar keeps its height while it moves
+    return {
+        "width_s": width_s,
+        "bars": _short(timeline.bars(end_s - width_s * _BARS, end_s, _BARS)),
+        "bursts": [
+            [round(now_s - one.at_s, 1), one.span_s, one.lost] for one in timeline.bursts(_MOST_BURSTS)
+        ],
+        "earlier": timeline.earlier,
+    }
 
 
 class Sent:
@@ -126,6 +155,7 @@ class Sent:
                 row.queued,
                 row.depth,
                 row.lost,
+                row.lost_in_all,
                 _rounded(row.lost_per_s),
                 row.why,
                 _age(row.age),

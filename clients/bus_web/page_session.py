@@ -1,6 +1,7 @@
 """The session of one open page: its frames, their pace, and the topics that it views."""
 
 import asyncio
+from time import monotonic
 from typing import Any
 
 from bus_web import page_protocol as protocol
@@ -170,8 +171,7 @@ class PageSession(Watcher):
     # --- to the page
 
     def _send_details(self) -> None:
-        model = self._hub.model
-        self._sender.notify(protocol.detail([one for topic in self._looks for one in model.endpoints(topic)]))
+        self._sender.notify(protocol.detail(self._hub.model, self._looks, monotonic()))
 
     def _notify(self, op: str, **fields: Any) -> None:
         self._sender.notify(protocol.message(op, **fields))

@@ -230,7 +230,7 @@ async def screen(size: tuple[int, int] = (160, 40), by: str = "topic") -> AsyncI
 @pytest.mark.either_loop
 async def test_every_key(world: None) -> None:
     async with screen() as shown:
-        await shown.until("/chatter .* 2/2 .* 98 has lost: replaced", "rows")
+        await shown.until("/chatter .* 2/2 .* 98 +[▁-█ ]*has lost: replaced", "rows")
         assert shown.rows() == ["/chatter", "/odd", "/rosout"]
         assert "2 nodes, 3 topics" in shown.text("sums")
         await shown.until(r"/talker +pub +\d+ +100 .*keep last 10, reliable", "below")
@@ -368,6 +368,17 @@ async def test_a_reason_that_a_terminal_would_obey(daemon: Daemon) -> None:
         async with screen() as shown:
             await shown.until(r"has lost: \\x1b\[2J", "rows")
             await shown.until(r"7 \(\\x1b\[2J: 7\)", "below")
+
+
+@pytest.mark.either_loop
+async def test_when_messages_were_lost(daemon: Daemon) -> None:
+    async with screen() as shown, bus.Node("talker") as node:
+        publisher = await node.create_publisher(Int64, "/numbers", 10)
+        await node.create_subscription(Int64, "/numbers", 2)  # no program takes its messages
+        await shown.until("/numbers .* 1 +1 ", "rows")
+        for number in range(10):
+            publisher.publish(Int64(data=number))
+        await shown.until("8 ▁*█▁* +(loses now|has lost): replaced", "rows")
 
 
 @pytest.mark.either_loop

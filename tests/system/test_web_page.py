@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from browser import Page, chromium, need_chromium
+from bus.graph import GraphEndpoint
 from cli import LISTENER, TALKER, Running, bus, script, wait_for_graph
 from conftest import Daemon
 from programs import EXAMPLES
@@ -178,6 +179,48 @@ def test_what_a_subscription_loses_is_red_and_counted(server: Serving, page: Pag
         shown = f"return document.querySelector('{edge} text')?.textContent"
         page.wait(shown, fits=lambda text: text == f"lost {lost()}")
         page.wait(f"return {cells}[10]", fits=lambda text: text == lost())
+
+
+def _has_lost(one: GraphEndpoint) -> bool:
+    return one.statistics is not None and bool(one.statistics.dropped)
+
+
+def test_losses_have_a_past_that_survives_a_restart_of_busd(
+    daemon: Daemon, server: Serving, page: Page
+) -> None:
+    row = "document.querySelector('tr[data-topic=\"/topic\"]')"
+    strip = f"{row}?.querySelector('.strip')?.getAttribute('d')"
+    lost = f"return Number({row}?.querySelectorAll('td')[10].textContent.replaceAll('\\u00a0', '') ?? -1)"
+    with script(LOSER):
+        page.open(server.page)
+        with script(TALKER, "0.01"):
+            page.wait(f"return {strip}")
+            choose(page, "/topic")
+            page.wait("return document.querySelector('#detail .bursts li')?.textContent.includes('replaced')")
+            assert page.run("return document.querySelector('#detail .past path').getAttribute('d')")
+            label = f"{row}.querySelector('.spark').getAttribute('aria-label')"
+            assert "lost" in page.run(f"return {label}")
+        page.wait(f"return !{row}.classList.contains('losing')")
+        before = page.run(lost)
+        assert before > 0
+        page.run(
+            f"""window.least = Infinity; window.wasLosing = false;
+            const see = () => {{ const one = {row}; if (one) {{
+                const shown = Number(one.querySelectorAll('td')[10].textContent.replaceAll('\\u00a0', ''));
+                window.least = Math.min(window.least, shown);
+                window.wasLosing ||= one.classList.contains('losing'); }} }};
+            const all = {{ subtree: true, childList: true, attributes: true, characterData: true }};
+            new MutationObserver(see).observe(document.body, all)"""
+        )
+        daemon.kill()
+        page.wait("return document.getElementById('state').textContent.includes('busd is away')")
+        daemon.restart()
+        page.wait("return document.getElementById('state').textContent.startsWith('on ')")
+        page.wait(lost, fits=lambda now: now == before)
+        wait_for_graph(lambda graph: any(map(_has_lost, graph.subscriptions_of("/topic"))))
+        assert "replaced" in page.texts("#detail .bursts li")[0]
+        page.wait("return performance.now() > arguments[0]", page.run("return performance.now()") + 1500)
+        assert page.run("return [window.least, window.wasLosing]") == [before, False]
 
 
 def test_routes_and_what_does_not_match(

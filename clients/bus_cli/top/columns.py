@@ -12,6 +12,7 @@ from bus_cli.top.figures import (
     SPARK_CELLS,
     bytes_text,
     count_text,
+    losses_text,
     rate_text,
     seconds_text,
     spark_text,
@@ -84,6 +85,7 @@ def _columns(title: str, second: Column) -> list[Column]:
         Column("AGE", lambda row: age_text(row.age), lambda row: row.age.mean if row.age else -1.0, 7, 4),
         Column("LOST/S", lambda row: rate_text(row.lost_per_s), lambda row: row.lost_per_s, 7),
         Column("LOST", lambda row: count_text(row.lost), lambda row: row.lost, 7),
+        Column("LOSSES", lambda row: losses_text(row.lost_history), None, SPARK_CELLS, 2),
         Column("WHY", why_text),
     ]
 

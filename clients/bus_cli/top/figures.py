@@ -3,13 +3,22 @@
 from collections.abc import Sequence
 
 from bus_cli.output import size_text
+from bus_plot.bars import bars_text, joined
 
-__all__ = ["NONE", "SPARK_CELLS", "bytes_text", "count_text", "rate_text", "seconds_text", "spark_text"]
+__all__ = [
+    "NONE",
+    "SPARK_CELLS",
+    "bytes_text",
+    "count_text",
+    "losses_text",
+    "rate_text",
+    "seconds_text",
+    "spark_text",
+]
 
 NONE = "-"
 """Text for an unknown or missing value."""
 SPARK_CELLS = 10
-_SPARKS = "▁▂▃▄▅▆▇█"
 _HEADROOM = 1.5
 """A constant rate is drawn at two thirds of the height, so changes in both directions are visible."""
 
@@ -52,9 +61,9 @@ def _short(value: float, unit: str) -> str:
 def spark_text(history: Sequence[float], cells: int = SPARK_CELLS) -> str:
     """The rates of the last seconds as bars."""
     shown = history[-cells:]
-    top = _HEADROOM * max(shown, default=0.0)
-    if not top:
-        return ("▁" * len(shown)).rjust(cells)
-    # Values above 0 are higher than the lowest bar.
-    bars = (_SPARKS[max(1, round(one / top * (len(_SPARKS) - 1)))] if one else "▁" for one in shown)
-    return "".join(bars).rjust(cells)
+    return bars_text(shown, _HEADROOM * max(shown, default=0.0)).rjust(cells)
+
+
+def losses_text(history: Sequence[float], cells: int = SPARK_CELLS) -> str:
+    """The messages lost in the last minute as bars; empty if none was lost."""
+    return bars_text(joined(history, cells)) if any(history) else ""

@@ -104,7 +104,7 @@ def _topic(model: Model, row: TopicRow) -> dict[str, Any]:
     endpoints = model.endpoints(row.topic)
     names = {one.id: one.node for one in endpoints}
     found: dict[str, Any] = to_builtins(row)
-    del found["history"]
+    del found["history"], found["lost_history"]
     return {
         "topic": found.pop("topic"),
         **found,

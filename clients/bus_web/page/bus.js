@@ -1,6 +1,7 @@
 // The bus as the server has told of it last: nodes, topics, endpoints, and their rates.
 
 export const SECONDS = 60;
+const MOST_GONE = 200;
 
 export class Bus {
   constructor() {
@@ -8,6 +9,7 @@ export class Bus {
     this.topics = new Map();
     this.ends = new Map();
     this.pairs = [];
+    this.gone = new Map(); // topics that have left, with their past: after a restart of busd they come back
     this.structure = 0; // one more with every other graph
   }
 
@@ -16,7 +18,8 @@ export class Bus {
     this.nodes = new Map(told.nodes.map(([id, name, pid, isHidden, origin]) => [id, { id, name, pid, isHidden, origin }]));
     const topics = new Map();
     for (const [name, types, isHidden] of told.topics) {
-      const before = this.topics.get(name);
+      const before = this.topics.get(name) ?? this.gone.get(name);
+      this.gone.delete(name);
       topics.set(name, Object.assign(before ?? newTopic(name), { types, isHidden, cut: 0, publishers: [], subscriptions: [] }));
     }
     const ends = new Map();
@@ -28,6 +31,8 @@ export class Bus {
       ends.set(id, end);
       topics.get(topic)[kind === "publisher" ? "publishers" : "subscriptions"].push(end);
     }
+    for (const [name, topic] of this.topics) if (!topics.has(name) && topic.lostInAll) this.gone.set(name, topic);
+    for (const name of this.gone.keys()) if (this.gone.size > MOST_GONE) this.gone.delete(name);
     this.topics = topics;
     this.ends = ends;
     this.pairs = told.pairs.map(([publisher, subscription, route, reason]) =>
@@ -41,16 +46,19 @@ export class Bus {
   }
 
   setHistory(told) {
-    for (const [name, values] of Object.entries(told.topics)) {
-      const topic = this.topics.get(name);
-      if (topic) topic.history = values;
-    }
+    for (const key of ["topics", "losses"])
+      for (const [name, values] of Object.entries(told[key])) {
+        const topic = this.topics.get(name);
+        if (topic) topic[key === "topics" ? "history" : "lostHistory"] = values;
+      }
   }
 
   setRates(told) {
-    for (const [name, [hz, bytesPerS, queued, depth, lost, lostPerS, why, age]] of Object.entries(told.topics)) {
+    for (const [name, [hz, bytesPerS, queued, depth, lost, lostInAll, lostPerS, why, age]] of Object.entries(told.topics)) {
       const topic = this.topics.get(name);
-      if (topic) Object.assign(topic, { hz, bytesPerS, queued, depth, lost, lostPerS, why, age });
+      if (!topic) continue;
+      topic.newlyLost += topic.lostInAll === null ? 0 : Math.max(0, lostInAll - topic.lostInAll);
+      Object.assign(topic, { hz, bytesPerS, queued, depth, lost, lostInAll, lostPerS, why, age });
     }
     for (const [id, [hz, queued, lost, lostPerS, age]] of Object.entries(told.ends)) {
       const end = this.ends.get(Number(id));
@@ -65,18 +73,34 @@ export class Bus {
       const end = this.ends.get(Number(id));
       if (end) Object.assign(end, { messages, bytes, queued, dropped });
     }
+    for (const topic of this.topics.values()) topic.past = null;
+    for (const [name, past] of Object.entries(told.losses)) {
+      const topic = this.topics.get(name);
+      if (topic) topic.past = past;
+    }
   }
 }
 
 function newTopic(name) {
   return {
-    name, hz: null, bytesPerS: null, queued: 0, depth: null, lost: 0, lostPerS: 0, why: "", age: null, history: [], second: 0,
+    name, hz: null, bytesPerS: null, queued: 0, depth: null, lost: 0, lostInAll: null, lostPerS: 0, why: "", age: null, history: [], second: 0,
+    lostHistory: [], // messages lost in each second, as `history` has their rate
+    newlyLost: 0, // in this second, so far
+    past: null, // of a topic that is looked at: when messages were lost
     passed(now) {
       if (now <= this.second) return;
+      const passed = this.second ? Math.min(now - this.second, SECONDS) : 1; // more than one: it was away, or the page slept
       this.second = now;
+      const lost = this.newlyLost;
+      this.newlyLost = 0;
+      if (lost || this.lostHistory.length) {
+        this.lostHistory.push(...Array(passed - 1).fill(0), lost);
+        this.lostHistory = this.lostHistory.slice(-SECONDS);
+        if (!this.lostHistory.some(Boolean)) this.lostHistory = [];
+      }
       if (this.hz === null && !this.history.length) return; // what is not known yet is not nothing
-      this.history.push(this.hz ?? 0);
-      if (this.history.length > SECONDS) this.history.shift();
+      this.history.push(...Array(passed).fill(this.hz ?? 0));
+      this.history = this.history.slice(-SECONDS);
     },
   };
 }

@@ -4,6 +4,7 @@
 import { Kept, element, setChildren, setText } from "./dom.js";
 import { makeEndpoint } from "./endpoint.js";
 import { count, rate, shortType, size } from "./format.js";
+import { Losses } from "./losses.js";
 import { Tree } from "./tree.js";
 
 export class Detail {
@@ -37,10 +38,11 @@ export class Detail {
       return;
     }
     this.mismatches = element("ul", { class: "mismatches", "aria-label": "What does not match" });
+    this.losses = new Losses();
     this.tree = new Tree((path) => this.plot(topic, path), (path) => this.toggle(path));
     this.valueNote = element("p", { class: "note", id: "value-note" }, "no message yet");
     this.place.replaceChildren(
-      title, this.about, this.list, this.mismatches, element("h3", {}, "Values"), this.valueNote,
+      title, this.about, this.list, this.mismatches, this.losses.root, element("h3", {}, "Values"), this.valueNote,
       element("div", { class: "values", tabindex: "0", role: "group", "aria-label": `Values of ${topic}` }, this.tree.root),
     );
   }
@@ -65,6 +67,7 @@ export class Detail {
     setText(this.about, figures.join(" · "));
     const ends = [...topic.publishers, ...topic.subscriptions].filter((end) => bus.nodes.has(end.node));
     this.showEnds(bus, ends);
+    this.losses.show(topic);
     const cut = bus.pairs.filter((pair) => pair.reason && pair.publisher.topic === this.topic);
     setChildren(this.mismatches, cut.slice(0, 20).map(({ publisher, subscription, reason }) => element("li", {},
       `${bus.nodes.get(publisher.node)?.name} and ${bus.nodes.get(subscription.node)?.name} don't match: ${reason}`)));

@@ -117,6 +117,7 @@ function show() {
     wasDrawn = true;
     table.show(bus, view);
     detail.show(bus);
+    plots.show(bus);
     const shown = [...bus.topics.values()].filter((topic) => view.shows(topic));
     const sum = (key) => shown.reduce((all, topic) => all + (topic[key] ?? 0), 0);
     const nodes = [...bus.nodes.values()].filter((node) => view.hidden || !node.isHidden).length;

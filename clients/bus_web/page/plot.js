@@ -44,6 +44,11 @@ export class Plots {
     this.charts.get(told.topic)?.add(told);
   }
 
+  // The messages that each topic has lost in each of the last seconds.
+  show(bus) {
+    for (const chart of this.charts.values()) chart.lose(bus.topics.get(chart.topic)?.lostHistory ?? []);
+  }
+
   redraw() {
     for (const chart of this.charts.values()) chart.make();
   }
@@ -60,6 +65,8 @@ class Chart {
     this.width = 0;
     this.drawn = null;
     this.isDue = false;
+    this.lost = [];
+    this.lostAt = 0;
     this.title = element("figcaption");
     this.canvas = element("div", { role: "img" });
     this.buttons = element("p", { class: "series" });
@@ -77,7 +84,7 @@ class Chart {
     }
     this.buttons.replaceChildren(...this.paths.map((one, at) => element("button", {
       type: "button", class: `series-${at + 1}`, "aria-label": `take ${one} out of the plot`, onclick: () => this.drop(one),
-    }, `${one} ×`)), element("span", { class: "age" }, "age in ms, on the right"));
+    }, `${one} ×`)), element("span", { class: "age" }, "age in ms, on the right; red bars: losses"));
     this.make();
   }
 
@@ -100,13 +107,38 @@ class Chart {
     requestAnimationFrame(() => this.draw());
   }
 
+  lose(lost) {
+    if (!lost.length && !this.lost.length) return;
+    this.lost = lost;
+    this.lostAt = Math.ceil(Date.now() / 1000);
+    setAttribute(this.figure, "data-lost", Math.round(lost.reduce((sum, one) => sum + one, 0)));
+    this.drawn?.redraw(false);
+  }
+
+  // Bars from the bottom, one for each second with losses, as high as a quarter of the plot.
+  drawLosses(plot) {
+    const top = Math.max(0, ...this.lost);
+    if (!top) return;
+    const { ctx, bbox } = plot;
+    ctx.save();
+    ctx.fillStyle = getComputedStyle(document.documentElement).getPropertyValue("--bad").trim();
+    this.lost.forEach((number, at) => {
+      const end = this.lostAt - (this.lost.length - 1 - at);
+      const left = Math.max(bbox.left, plot.valToPos(end - 1, "x", true)), right = Math.min(bbox.left + bbox.width, plot.valToPos(end, "x", true));
+      const tall = (number / top) * bbox.height * 0.25;
+      if (number && right > left) ctx.fillRect(left, bbox.top + bbox.height - tall, Math.max(1, right - left - 1), tall);
+    });
+    ctx.restore();
+  }
+
   draw() {
     this.isDue = false;
     if (!this.paths.length) return;
     this.drawn?.setData(this.data());
     setAttribute(this.figure, "data-points", this.times.length);
     const now = this.paths.map((path) => `${path} ${this.values.get(path).at(-1) ?? "–"}`).join(", ");
-    setAttribute(this.canvas, "aria-label", `Plot of ${this.topic} over ${SPAN_S} seconds: ${now}, age ${this.ages.at(-1) ?? "–"} ms`);
+    setAttribute(this.canvas, "aria-label", `Plot of ${this.topic} over ${SPAN_S} seconds: ${now}, age ${this.ages.at(-1) ?? "–"} ms`
+      + (this.lost.some(Boolean) ? `, ${this.figure.dataset.lost} messages lost` : ""));
   }
 
   data() {
@@ -125,6 +157,7 @@ class Chart {
     this.drawn = new uPlot({
       width,
       height: HEIGHT,
+      hooks: { drawAxes: [(plot) => this.drawLosses(plot)] },
       legend: { show: false },
       cursor: { show: false },
       scales: { x: { time: true, range: (_, least, most) => [Math.max(least ?? 0, (most ?? 0) - SPAN_S), most ?? 1] }, age: { range: (_, least, most) => [0, 1.2 * (most || 1)] } },

@@ -2,10 +2,11 @@
 
 import { SECONDS } from "./bus.js";
 import { Kept, element, setAttribute, setChildren, setText, svg } from "./dom.js";
-import { age, count, rate, shortType, size } from "./format.js";
+import { age, count, plural, rate, shortType, size } from "./format.js";
+import { bars } from "./losses.js";
 
 const PAGE = 100;
-const WIDTH = 72, HEIGHT = 20;
+const WIDTH = 72, HEIGHT = 20, STRIP = 8;
 
 const routesOf = (topic) => [...new Set(topic.subscriptions.flatMap((end) => [...end.routes]))].sort();
 const queue = ({ queued, depth }) => (depth === null ? count(queued) : `${count(queued)}/${count(depth)}`);
@@ -108,7 +109,8 @@ export class Table {
   makeRow(name) {
     const button = element("button", { type: "button", class: "name", onclick: () => this.choose(name) }, name);
     const line = svg("polyline", { fill: "none" });
-    const spark = svg("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, width: WIDTH, height: HEIGHT, role: "img", class: "spark" }, line);
+    const strip = svg("path", { class: "strip" });
+    const spark = svg("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, width: WIDTH, height: HEIGHT, role: "img", class: "spark" }, line, strip);
     const cells = COLUMNS.map(([title], at) =>
       element(at ? "td" : "th", { scope: at ? null : "row", class: NUMBERS.has(title) ? "number" : title === "Type" ? "type" : null }));
     cells[0].append(button);
@@ -121,7 +123,12 @@ export class Table {
         COLUMNS.forEach(([, , text], at) => text && setText(cells[at], text(topic)));
         setAttribute(cells[1], "title", topic.types.join(" and "));
         drawSpark(line, topic.history);
-        setAttribute(spark, "aria-label", `Hz of the last minute, ${rate(Math.max(0, ...topic.history))} at most`);
+        const lost = topic.lostHistory.reduce((sum, one) => sum + one, 0), height = HEIGHT + (lost ? STRIP : 0);
+        setAttribute(spark, "viewBox", `0 0 ${WIDTH} ${height}`);
+        setAttribute(spark, "height", height);
+        setAttribute(strip, "d", bars(topic.lostHistory, SECONDS, WIDTH, STRIP - 1, HEIGHT + STRIP));
+        setAttribute(spark, "aria-label", `Hz of the last minute, ${rate(Math.max(0, ...topic.history))} at most`
+          + (lost ? `; ${plural(Math.round(lost), "message")} lost` : ""));
         const isChosen = view.topic === name;
         setAttribute(button, "aria-pressed", isChosen);
         setAttribute(row, "class", [isChosen && "chosen", topic.lostPerS ? "losing" : topic.lost ? "lost" : ""].filter(Boolean).join(" ") || null);

@@ -101,6 +101,53 @@ def test_losses_of_long_ago_are_not_of_now() -> None:
     assert row.lost == 12
 
 
+def lost(count_: int, at_ns: int = S, **others: Any) -> GraphEndpoint:
+    return count(SUBSCRIPTION, dropped={"replaced": count_} if count_ else {}, at_ns=at_ns, **others)
+
+
+def test_losses_survive_a_restart_of_busd() -> None:
+    """The listener lives on. busd learns its figures again after a moment."""
+    model = Model()
+    model.take(graph(PUBLISHER, lost(2), matches=MATCHES), 10 * S)
+    model.take(graph(PUBLISHER, lost(7), matches=MATCHES), 11 * S)
+    model.take(graph(revision=2), 12 * S)
+    assert model.topics() == []
+    model.take(graph(PUBLISHER, lost(0, at_ns=0), matches=MATCHES, revision=3), 13 * S)
+    (row,) = model.topics()
+    assert (row.lost, row.why, row.lost_in_all) == (7, "replaced", 7)
+    assert row.lost_history[-4:] == (0, 5, 0, 0)
+    (subscription,) = [one for one in model.endpoints("/chatter") if one.kind == "subscription"]
+    assert subscription.dropped == {"replaced": 7}
+    model.take(graph(PUBLISHER, lost(7), matches=MATCHES, revision=3), 14 * S)
+    (row,) = model.topics()
+    assert (row.lost, row.lost_per_s) == (7, 0.0), "what busd learned again was not lost again"
+    model.take(graph(PUBLISHER, lost(9), matches=MATCHES, revision=3), 15 * S)
+    timeline = model.losses("/chatter")
+    assert timeline is not None
+    assert [(slot.at_s, slot.count) for slot in timeline.slots()] == [(11, 5), (15, 2)]
+
+
+def test_losses_of_a_subscription_that_has_left_stay_in_its_topic() -> None:
+    model = Model()
+    model.take(graph(PUBLISHER, lost(0), matches=MATCHES), 10 * S)
+    model.take(graph(PUBLISHER, lost(7), matches=MATCHES), 11 * S)
+    model.take(graph(PUBLISHER, revision=2), 12 * S)
+    (row,) = model.topics()
+    assert (row.lost, row.lost_in_all, row.lost_history[-2:]) == (0, 7, (7, 0))
+    assert model.losses("/other") is None
+
+
+def test_how_many_that_have_left_are_remembered() -> None:
+    model = Model()
+    for number in range(1200):
+        one = replace(SUBSCRIPTION, gid=number.to_bytes(16), topic=f"/topic_{number}")
+        for dropped in ({}, {"replaced": 1}):
+            model.take(graph(count(one, dropped=dropped), revision=number), (10 + number) * S)
+    assert len(model._left) == len(model._pasts) == 1000
+    assert "/topic_1198" in model._pasts
+    assert "/topic_198" not in model._pasts
+
+
 def test_what_does_not_match_and_why() -> None:
     reliable = endpoint(13, "subscription", LISTENER, qos=QoSProfile(reliability=Reliability.RELIABLE))
     offer = endpoint(11, "publisher", TALKER, qos=QoSProfile(reliability=Reliability.BEST_EFFORT))

@@ -57,14 +57,14 @@ def test_rates_are_told_where_they_have_changed() -> None:
     model, sent = Model(), protocol.Sent()
     take(model, 1)
     first = read(sent.rates(model))
-    assert first["topics"] == {"/chatter": [None, None, 0, 7, 0, 0.0, "", None]}
+    assert first["topics"] == {"/chatter": [None, None, 0, 7, 0, 0, 0.0, "", None]}
     take(model, 2)
     assert read(sent.rates(model))["topics"]["/chatter"][:2] == [10.0, 100.0]
     take(model, 3)
     assert read(sent.rates(model)) == {"op": "rates", "topics": {}, "ends": {}}
     take(model, 4, lost=12)
     told = read(sent.rates(model))
-    assert told["topics"]["/chatter"][4] == 12
+    assert told["topics"]["/chatter"][4:6] == [12, 12]
     assert told["ends"]["4"][2] == 12
     again = protocol.Sent()
     assert set(read(again.rates(model))["ends"]) == {"3", "4"}, "another page has been told nothing"
@@ -73,7 +73,7 @@ def test_rates_are_told_where_they_have_changed() -> None:
 def test_history_is_of_topics_with_messages() -> None:
     model = Model()
     take(model, 1)
-    assert read(protocol.history(model.topics())) == {"op": "history", "topics": {}}
+    assert read(protocol.history(model.topics())) == {"op": "history", "topics": {}, "losses": {}}
     take(model, 2)
     take(model, 3)
     assert read(protocol.history(model.topics()))["topics"] == {"/chatter": [10.0, 10.0]}
@@ -82,8 +82,27 @@ def test_history_is_of_topics_with_messages() -> None:
 def test_all_counters() -> None:
     model = Model()
     take(model, 2, lost=3)
-    ends = read(protocol.detail(model.endpoints("/chatter")))["ends"]
-    assert ends["4"] == [20, 200, 0, {"replaced": 3}]
+    told = read(protocol.detail(model, ["/chatter", "/unknown"], 2.5))
+    assert told["ends"]["4"] == [20, 200, 0, {"replaced": 3}]
+    losses = told["losses"]["/chatter"]
+    assert (losses["bursts"], losses["earlier"]) == ([], {"replaced": 3}), "it is not known when"
+
+
+def test_when_messages_were_lost() -> None:
+    model = Model()
+    take(model, 2)
+    assert read(protocol.detail(model, ["/chatter"], 2.0))["losses"] == {}
+    for turn, lost in ((3, 4), (4, 9), (30, 9), (31, 10)):
+        take(model, turn, lost)
+    losses = read(protocol.detail(model, ["/chatter"], 33.25))["losses"]["/chatter"]
+    assert losses["bursts"] == [[30.2, 2, {"replaced": 9}], [2.2, 1, {"replaced": 1}]]
+    assert (losses["width_s"], losses["earlier"], len(losses["bars"])) == (1, {}, 60)
+    assert [losses["bars"][at] for at in (-31, -30, -3)] == [4, 5, 1], "a bar for each second, to 33 s"
+    losses = read(protocol.detail(model, ["/chatter"], 130.0))["losses"]["/chatter"]
+    assert (losses["width_s"], sum(losses["bars"])) == (3, 10)
+    assert {at: n for at, n in enumerate(losses["bars"]) if n} == {17: 9, 26: 1}, "132 s are the end"
+    history = read(protocol.history(model.topics()))["losses"]["/chatter"]
+    assert (history[-1], history[-28], history[-29], sum(history)) == (1, 5, 4, 10)
 
 
 def test_what_the_page_says() -> None:

@@ -31,6 +31,8 @@ QUIET: dict[str, Any] = {
     "age": None,
     "lost_per_s": 0.0,
     "dropped": {},
+    "lost_history": (),
+    "lost_in_all": 0,
     "mismatches": 0,
 }
 
@@ -69,7 +71,7 @@ def test_a_row() -> None:
     title, lines = BY_TOPIC.lines([BUSY], None, by="hz")
     assert title.split() == [
         "TOPIC", "TYPE", "[HZ]", "B/S", "RATE", "PUB", "SUB", "ROUTE", "QUEUE", "AGE", "LOST/S", "LOST",
-        "WHY",
+        "LOSSES", "WHY",
     ]  # fmt: skip
     text, mark = lines[0]
     assert text.split() == [
@@ -80,6 +82,13 @@ def test_a_row() -> None:
     assert lines[0:1] == [*lines]
 
 
+def test_losses_of_the_last_minute_are_bars() -> None:
+    quiet, losing = topic("/quiet"), topic("/scan", lost_history=(0.0,) * 48 + (1.0,) * 6 + (4.0,) * 6)
+    _, lines = BY_TOPIC.lines([quiet, losing], None)
+    assert "▁▁▁▁▁▁▁▁▃█" in lines[1].text
+    assert "▁" not in lines[0].text.partition("/quiet")[2].strip("▁ ")
+
+
 @for_each("width", [40, 60, 80, 100, 120, 160, 250])
 def test_no_line_is_wider_than_the_terminal(width: int) -> None:
     rows = [topic(f"/robot/arm/joint_{'x' * number}", hz=1e9, mismatches=number) for number in range(40)]
@@ -87,7 +96,7 @@ def test_no_line_is_wider_than_the_terminal(width: int) -> None:
     assert all(len(text) <= width for text in (title, *(line.text for line in lines)))
     for name in ("TOPIC", "HZ", "LOST", "WHY"):
         assert name in title
-    assert (len(title.split()) == 13) == (width >= 160)
+    assert (len(title.split()) == 14) == (width >= 160)
 
 
 def test_80_columns_say_who_loses_what_and_why() -> None:

@@ -1,0 +1,12 @@
+"""Losses over time, and drawings of numbers over time.
+
+    counters --> `loss_timeline.py` (when, how many, by which reason) --> `bars.py` (text for a terminal)
+
+Invariants:
+
+- Pure: times come in as arguments. A caller chooses the clock.
+- A timeline has a bound, and no loss leaves it: old losses only become less exact in time.
+- Texts of other programs, such as topic names, are escaped in pictures.
+
+`bus top`, the page and bags use it. Read first: `loss_timeline.py`. Tests: `tests/unit/bus_plot/`.
+"""
