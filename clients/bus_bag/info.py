@@ -11,11 +11,13 @@ from bus_bag.metadata import BagMetadata, TopicInformation
 from bus_bag.sizes import size_text
 from bus_bag.storage import BagReader
 from bus_bag.topic_names import SERVICE_EVENT, is_event_topic
+from bus_plot.strips import Strip
 
-__all__ = ["SORTINGS", "describe", "find_losses", "topic_names"]
+__all__ = ["SORTINGS", "describe", "find_losses", "strips", "time_of_day", "topic_names"]
 
 _INDENT = 19
 _NS_PER_S = 1_000_000_000
+_DAY_S = 86400
 
 SORTINGS: Mapping[str, Callable[[TopicInformation], object]] = {
     "name": lambda one: one.topic_metadata.name,
@@ -84,6 +86,25 @@ def find_losses(reader: BagReader) -> dict[str, losses.TopicLosses]:
                 except ValueError:
                     continue
     return {}
+
+
+def strips(topics: Mapping[str, losses.TopicLosses]) -> list[Strip]:
+    """The losses over time of each topic that has lost messages. Raises ValueError if a record is broken."""
+    return [
+        Strip(topic, one.timeline, f"lost {sum(one.lost.values())} of {one.expected}")
+        for topic, one in sorted(topics.items())
+        if any(one.lost.values())
+    ]
+
+
+def time_of_day(at_s: int) -> str:
+    """A time of a bag's clock, in local time; a time of simulation in seconds."""
+    if at_s < _DAY_S:
+        return f"{at_s} s"
+    try:
+        return time.strftime("%H:%M:%S", time.localtime(at_s))
+    except (OverflowError, ValueError, OSError):
+        return f"{at_s} s"
 
 
 def _is_event(topic: TopicInformation) -> bool:

@@ -10,8 +10,9 @@ from collections.abc import Iterable, Mapping
 import msgspec
 
 from bus.vocabulary import DropReason
+from bus_plot.loss_timeline import LossTimeline, Slot
 
-__all__ = ["RECORD", "TopicLosses", "from_record", "lines", "to_record"]
+__all__ = ["RECORD", "LossDates", "TopicLosses", "from_record", "lines", "to_record"]
 
 RECORD = "busd.losses"
 """The name of the metadata record. The last one in the last file counts for the whole recording."""
@@ -34,6 +35,16 @@ class TopicLosses(msgspec.Struct, frozen=True, omit_defaults=True):
     in the recorder. `not_written`: the disk was full, or the recording was ended at once.
     """
 
+    when: list[Slot] = []
+    """When they were lost, in whole seconds of the bag's clock; empty in bags of older recorders."""
+    earlier: dict[str, int] = {}
+    """Lost messages whose time the recorder no longer knows, by reason."""
+
+    @property
+    def timeline(self) -> LossTimeline:
+        """Raises ValueError if `when` has no valid slots."""
+        return LossTimeline.of(self.when, self.earlier)
+
     @property
     def is_balanced(self) -> bool:
         return self.expected == self.written + self.waiting + sum(self.lost.values())
@@ -45,6 +56,26 @@ class TopicLosses(msgspec.Struct, frozen=True, omit_defaults=True):
             return self
         lost = {**self.lost, DropReason.UNEXPLAINED: self.lost.get(DropReason.UNEXPLAINED, 0) + self.waiting}
         return msgspec.structs.replace(self, waiting=0, lost=lost)
+
+
+class LossDates:
+    """Notes when the counters of topics change: the timelines of a recording."""
+
+    def __init__(self) -> None:
+        self._known: dict[str, tuple[float, dict[str, int], LossTimeline]] = {}
+
+    def note(self, now_s: float, topics: Mapping[str, TopicLosses]) -> dict[str, TopicLosses]:
+        """The counters at that time of the bag's clock, with the times of all losses so far."""
+        return {name: self._note(now_s, name, one) for name, one in topics.items()}
+
+    def _note(self, now_s: float, name: str, losses: TopicLosses) -> TopicLosses:
+        since_s, before, timeline = self._known.get(name) or (now_s, {}, LossTimeline())
+        new = {reason: count - before.get(reason, 0) for reason, count in losses.lost.items()}
+        timeline.add(since_s, now_s, new)
+        self._known[name] = now_s, losses.lost, timeline
+        if not timeline:
+            return losses
+        return msgspec.structs.replace(losses, when=timeline.slots(), earlier=timeline.earlier)
 
 
 def to_record(topics: Mapping[str, TopicLosses]) -> dict[str, str]:

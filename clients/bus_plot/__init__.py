@@ -1,6 +1,7 @@
 """Losses over time, and drawings of numbers over time.
 
-    counters --> `loss_timeline.py` (when, how many, by which reason) --> `bars.py` (text for a terminal)
+    counters --> `loss_timeline.py` (when, how many, by which reason) --+-- `bars.py` (a line of text)
+                                                                        +-- `strips.py` (several topics)
 
 Invariants:
 

@@ -170,9 +170,11 @@ class LossTimeline:
                 found.append(Burst(slot.at_s, slot.width_s, slot.lost))
         return found[-most:]
 
-    def bars(self, begin_s: float, end_s: float, number: int) -> list[float]:
-        """Messages lost in each of `number` equal parts of a time. A slot that touches several parts counts
-        in each by its share."""
+    def bars(self, begin_s: float, end_s: float, number: int, reason: str | None = None) -> list[float]:
+        """Messages lost in each of `number` equal parts of a time, for all reasons or one.
+
+        A slot that touches several parts counts in each by its share.
+        """
         bars = [0.0] * number
         part_s = (end_s - begin_s) / number
         for tier, slots in enumerate(self._tiers):
@@ -181,7 +183,8 @@ class LossTimeline:
                 continue
             for slot, lost in slots.items():
                 at_s = slot * width_s
-                count, ended_s = sum(lost.values()), at_s + width_s
+                count = sum(lost.values()) if reason is None else lost.get(reason, 0)
+                ended_s = at_s + width_s
                 first = int((at_s - begin_s) // part_s)
                 if 0 <= first < number and ended_s <= begin_s + (first + 1) * part_s:
                     bars[first] += count

@@ -1,5 +1,6 @@
 """`bus bag record`, as a process: the content of the bag, and the report of missing messages."""
 
+import json
 import os
 import re
 import resource
@@ -7,8 +8,10 @@ import select
 import shlex
 import signal
 import subprocess
+import time
 from contextlib import suppress
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 
@@ -191,6 +194,40 @@ class TestFaults:
         assert numbers == sorted(set(numbers))
         assert len(numbers) == losses.written >= 20
         assert route == "shm" or losses.lost
+
+    def test_when_messages_were_lost(self, bag: Bag, daemon: Daemon, tmp_path: Path) -> None:
+        """The recorder stands still, and loses what its depth does not hold. Then info draws that moment."""
+        qos = tmp_path / "qos.yaml"
+        qos.write_text("/topic:\n  reliability: best_effort\n  history: keep_last\n  depth: 5\n")
+        with speaking() as speaker:
+            speaker.say("/topic")
+            with recording(bag, "/topic", "--qos-profile-overrides-path", str(qos)) as recorder:
+                speaker.say("/topic", *range(3))
+                wait_until(lambda: len(bag.texts_now()) == 3)
+                recorder.process.send_signal(signal.SIGSTOP)
+                began_s = time.time()
+                speaker.say("/topic", *range(100, 300))
+                recorder.process.send_signal(signal.SIGCONT)
+                wait_until(lambda: bag.texts_now()[-1:] == ["299"])
+                end(recorder)
+        losses = bag.losses()["/topic"]
+        lost = losses.expected - losses.written
+        assert lost > 100
+        assert losses.timeline.total == lost
+        assert {slot.at_s for slot in losses.when} <= {*range(int(began_s), int(time.time()) + 1)}
+        result = bus("bag", "info", "--plot", "--svg", str(tmp_path / "lost.svg"), str(bag.folder))
+        assert (result.code, result.err) == (0, "")
+        block = result.out.partition("Losses over time:\n")[2].splitlines()
+        assert block[0] == f"/topic: lost {lost} of 203"
+        assert "█" in block[1]
+        assert (
+            sum(int(found) for line in block[2:-1] for found in re.findall(r"(\d+) [a-z]+_?[a-z]*$", line))
+            == lost
+        )
+        root = ElementTree.parse(tmp_path / "lost.svg").getroot()
+        assert root.findtext("{http://www.w3.org/2000/svg}title") == f"Lost messages of {bag.folder.name}"
+        told = json.loads(bus("bag", "info", "--json", str(bag.folder)).out)["losses"]["/topic"]
+        assert told["when"] == [[slot.at_s, 1, slot.lost] for slot in losses.when]
 
     def test_ctrl_c_twice(self, bag: Bag) -> None:
         with speaking() as speaker:

@@ -27,6 +27,20 @@ def test_info(tmp_path: Path) -> None:
     assert (record["message_count"], record["is_cut"], record["problems"]) == (10, False, [])
 
 
+def test_nothing_to_draw(tmp_path: Path) -> None:
+    folder, picture = write_bag(tmp_path / "walk", said(10)), tmp_path / "lost.svg"
+    assert bus("bag", "info", "--plot", str(folder)).out.endswith(
+        "\n\nNo record of losses: this bag is of another recorder.\n"
+    )
+    assert bus("bag", "info", "--svg", str(picture), str(folder)).code == 0
+    assert "walk: nothing was lost" in picture.read_text()
+    assert bus("bag", "info", "--svg", str(tmp_path / "no" / "lost.svg"), str(folder)) == (
+        "",
+        f"can't write {tmp_path}/no/lost.svg: No such file or directory\n",
+        1,
+    )
+
+
 def test_a_bag_that_was_cut(tmp_path: Path) -> None:
     folder = write_bag(tmp_path / "walk", said(10))
     path = folder / "walk_0.mcap"

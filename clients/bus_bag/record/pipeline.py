@@ -13,7 +13,7 @@ from time import monotonic_ns
 from bus.errors import BusError
 from bus.vocabulary import DropReason
 from bus_bag.errors import BagError
-from bus_bag.losses import RECORD, TopicLosses, to_record
+from bus_bag.losses import RECORD, LossDates, TopicLosses, to_record
 from bus_bag.record.bag_output import BagOutput
 from bus_bag.record.cache import Cache
 from bus_bag.record.options import RecordOptions
@@ -64,6 +64,8 @@ class Pipeline:
         self._cache: Cache[tuple[Batch, int, bool]] = Cache(
             options.max_cache_size, is_circular=options.is_snapshot
         )
+        self._dates = LossDates()
+        self._now_ns = now_ns
         self._failure: BaseException | None = None
         self._is_ending = False
         self._thread: WritingThread | None = None
@@ -210,7 +212,11 @@ class Pipeline:
 
     def write_losses(self) -> None:
         """Write the counters into the file."""
-        self._writer.write_metadata(RECORD, to_record(self.losses()))
+        self._writer.write_metadata(RECORD, to_record(self.note_losses()))
+
+    def note_losses(self) -> dict[str, TopicLosses]:
+        """The present counters, with the times of losses. Call it about once a second."""
+        return self._dates.note(self._now_ns() / 1e9, self.losses())
 
     # --- the end
 
@@ -243,7 +249,8 @@ class Pipeline:
             if missing := topic.written + topic.repeated - counts.get(topic.name, 0):
                 topic.written -= missing
                 topic.lose(DropReason.NOT_WRITTEN, missing)
-        losses = {name: one.closed() for name, one in self.losses().items()}
+        closed = {name: one.closed() for name, one in self.losses().items()}
+        losses = self._dates.note(self._now_ns() / 1e9, closed)
         self._writer.write_metadata(RECORD, to_record(losses))
         self._writer.close()
         return losses

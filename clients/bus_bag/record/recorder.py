@@ -177,6 +177,8 @@ class Recorder:
             if monotonic_ns() >= due_ns:
                 due_ns = monotonic_ns() + int(_LOSSES_S * 1e9)
                 self.pipeline.write_losses()
+            else:
+                self.pipeline.note_losses()
 
     def _progressed(self) -> None:
         """Handle progress or a failure of the writing thread."""

@@ -1,10 +1,19 @@
-"""`bus bag info`: a summary of a bag."""
+"""`bus bag info`: a summary of a bag, and pictures of its losses."""
 
+import os
+import sys
 from argparse import ArgumentParser, Namespace
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from bus_cli.bag.reading import add_bag_argument, opened
-from bus_cli.output import print_json, say
+from bus_cli.output import CommandError, print_json, say
+
+if TYPE_CHECKING:
+    from bus_bag.storage import BagReader
+
+_CELLS = 80
+"""Width of the bars if the output is not a terminal."""
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -22,24 +31,80 @@ def add_arguments(parser: ArgumentParser) -> None:
         choices=("name", "type", "count"),
         help="Sort topics by name, type or number of messages",
     )
+    parser.add_argument(
+        "--plot", action="store_true", help="Also show when messages were lost, as bars for each topic"
+    )
+    parser.add_argument(
+        "--svg", metavar="FILE", type=Path, help="Write when messages were lost as a picture to FILE"
+    )
 
 
 def main(args: Namespace) -> int:
     from bus_bag.info import describe, find_losses, topic_names
 
     with opened(args) as reader:
+        if args.svg is not None:
+            _draw(reader, args.svg)
         if args.json:
+            from msgspec import to_builtins
             from msgspec.structs import asdict
 
             from bus_bag.metadata import as_map
 
             record: dict[str, Any] = as_map(reader.metadata)
             problems = [{"path": one.path, "offset": one.offset, "text": one.text} for one in reader.problems]
-            lost = {topic: asdict(one) for topic, one in find_losses(reader).items()}
+            lost = {topic: to_builtins(asdict(one)) for topic, one in find_losses(reader).items()}
             print_json({**record, "losses": lost, "is_cut": reader.is_cut, "problems": problems})
         elif args.topic_name:
             for name in topic_names(reader.metadata, args.sort):
                 say(name)
         else:
             say(describe(reader, verbose=args.verbose, sort=args.sort), end="")
+            if args.plot:
+                _plot(reader)
     return 0
+
+
+def _plot(reader: "BagReader") -> None:
+    """Print when messages were lost."""
+    from bus_bag.info import find_losses, strips, time_of_day
+    from bus_plot.strips import strips_text
+
+    if not (known := find_losses(reader)):
+        say("\nNo record of losses: this bag is of another recorder.")
+        return
+    try:
+        found = strips(known)
+    except ValueError as error:
+        raise CommandError(f"the record of losses is broken: {error}") from None
+    if not found:
+        say("\nNothing was lost.")
+        return
+    begin_s, end_s = _span(reader)
+    cells = os.get_terminal_size(sys.stdout.fileno()).columns - 1 if sys.stdout.isatty() else _CELLS
+    say("\nLosses over time:")
+    for line in strips_text(found, begin_s, end_s, cells, time_of_day):
+        say(line)
+
+
+def _draw(reader: "BagReader", path: Path) -> None:
+    """Write the picture. Raises CommandError if there is nothing to draw, or the file can't be written."""
+    from bus_bag.info import find_losses, strips, time_of_day
+    from bus_plot.strips import strips_svg
+
+    try:
+        found = strips(find_losses(reader))
+    except ValueError as error:
+        raise CommandError(f"the record of losses is broken: {error}") from None
+    begin_s, end_s = _span(reader)
+    title = f"Lost messages of {reader.path.name}" if found else f"{reader.path.name}: nothing was lost"
+    try:
+        path.write_text(strips_svg(found, begin_s, end_s, title, time_of_day), encoding="utf-8")
+    except OSError as error:
+        raise CommandError(f"can't write {path}: {error.strerror}") from None
+
+
+def _span(reader: "BagReader") -> tuple[float, float]:
+    """The times of the first and the last message, in seconds."""
+    metadata = reader.metadata
+    return metadata.starting_time / 1e9, (metadata.starting_time + metadata.duration) / 1e9

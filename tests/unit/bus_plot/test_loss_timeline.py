@@ -81,6 +81,8 @@ def test_bars_share_the_slots() -> None:
     timeline = LossTimeline.of([Slot(8, 4, {"replaced": 8}), Slot(20, 1, {"replaced": 3})], {"expired": 1})
     assert timeline.bars(0, 24, 6) == [0, 0, 8, 0, 0, 3]
     assert timeline.bars(8, 12, 4) == [2, 2, 2, 2]
+    assert timeline.bars(8, 12, 4, "expired") == [0, 0, 0, 0]
+    assert timeline.bars(8, 12, 2, "replaced") == [4, 4]
     assert timeline.bars(10, 14, 2) == [4, 0], "half of the slot is before the first bar"
     assert timeline.bars(20.5, 30.5, 2) == [1.5, 0]
     assert timeline.lost == {"replaced": 11, "expired": 1}

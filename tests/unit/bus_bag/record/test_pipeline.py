@@ -18,6 +18,7 @@ from bus_bag.record.choice import Found, Wanted
 from bus_bag.record.options import RecordOptions
 from bus_bag.record.pipeline import Pipeline
 from bus_bag.record.topic import RecordedTopic
+from bus_plot.loss_timeline import Slot
 from recording import Bag
 
 SCHEMA = MessageSchema.of(String)
@@ -160,7 +161,8 @@ def test_what_is_no_message_is_counted(folder: Path) -> None:
     for topic in (plain, latched):
         world.put(topic, "a", "?", "b")
     losses = world.finish()
-    assert losses["/topic"] == losses["/map"] == TopicLosses(3, 2, 0, {"undecodable": 1})
+    lost = {"undecodable": 1}
+    assert losses["/topic"] == losses["/map"] == TopicLosses(3, 2, 0, lost, [Slot(0, 1, lost)])
     assert world.rejected == ["/topic", "/map"]
 
 
