@@ -10,7 +10,7 @@ from bus.base.ids import EndpointId
 from bus.vocabulary import DropReason
 from bus.wire.layout import MAX_COUNT
 from bus.wire.messages import Dropped
-from bus.wire.runs import Run
+from bus.wire.runs import Run, RunQueue
 from busd.core.effects import Effect, Send
 from busd.core.entities import Subscription
 from busd.core.matching import release
@@ -19,6 +19,12 @@ from busd.core.work import STAMPS_PER_UNIT
 
 DROP_REPORT_NS = 100_000_000
 """Drops are reported to a subscription this long after the first one, all at once."""
+
+
+def _head(queue: RunQueue) -> tuple[int, int]:
+    """The oldest sample: its publisher and number. It stays the same until it is sent or dropped."""
+    run = queue.runs[0] if queue.runs else None
+    return (0, 0) if run is None else (run.source, run.first_seq + queue.skipped)
 
 
 class Drops:
@@ -34,6 +40,16 @@ class Drops:
         if not subscription.is_drop_report_due:
             subscription.is_drop_report_due = True
             self._timers.add(now_ns + DROP_REPORT_NS, lambda _: self.report(subscription))
+
+    def replace(self, now_ns: int, subscription: Subscription) -> None:
+        """Drop the oldest samples above the subscription's depth, and count them."""
+        queue = subscription.queue
+        head = _head(queue)
+        if replaced := queue.trim():
+            self.drop(now_ns, subscription, DropReason.REPLACED, replaced)
+            subscription.missed = replaced + (subscription.missed if head == subscription.head_after else 0)
+            subscription.most_missed = max(subscription.most_missed, subscription.missed)
+            subscription.head_after = _head(queue)
 
     def shed(
         self, now_ns: int, subscription: Subscription, reason: str, drop: Callable[[list[Run] | None], int]

@@ -361,6 +361,11 @@ class Subscription(Endpoint):
     """As `dropped`, from before its process was lost and came back."""
     expected_besides: int = 0
     """Samples expected of matches that have ended, and of those sent to this subscription alone."""
+    missed: int = 0
+    """Samples replaced in `queue` in a row, without a sample sent in between."""
+    most_missed: int = 0
+    head_after: tuple[int, int] = (0, 0)
+    """The oldest sample after the last replacement: its publisher and number."""
     is_drop_report_due: bool = False
     takes_history: bool = False
     """Late or not, it gets the history of publishers that keep one, and the new samples of others."""
@@ -435,6 +440,7 @@ class Subscription(Endpoint):
             age_count=mine.age_count if mine else 0,
             age_sum_ns=mine.age_sum_ns if mine else 0,
             age_max_ns=mine.age_max_ns if mine else 0,
+            most_missed=max(self.most_missed, mine.most_missed if mine else 0),
         )
 
 

@@ -254,9 +254,7 @@ class Router:
             if subscription in subscription.node.peer.perishable:
                 while queue.is_overfull and (price := self._drops.expire(now_ns, subscription)):
                     self._meter.left -= price
-            replaced = queue.trim()
-            if replaced:
-                self._drops.drop(now_ns, subscription, DropReason.REPLACED, replaced)
+            self._drops.replace(now_ns, subscription)
             self._overload.bound(now_ns, subscription)
         self._overfull.clear()
 

@@ -10,6 +10,7 @@ from bus.diagnostics.mismatch import Describe, mismatch
 from bus.graph import Graph, GraphEndpoint, GraphMatch
 from bus.names import is_hidden_node, is_hidden_topic
 from bus_plot.loss_timeline import LossTimeline
+from bus_web.advice import advice
 from bus_web.counters import Counters, Group, ages_of, depth_of
 from bus_web.rates import RateHistory
 from bus_web.rows import EndpointRow, NodeRow, Pair, Sums, TopicRow
@@ -265,7 +266,14 @@ class Model:
             lost_per_s=mine.lost_per_s,
             routes=tuple(sorted(self._routes(one))),
             age=ages_of([mine]),
+            advice=self._advice(mine),
         )
+
+    def _advice(self, mine: Counters) -> str:
+        one = mine.endpoint
+        if one.kind == "publisher" or not mine.dropped:
+            return ""
+        return advice(one.qos, mine.statistics, self._topics[one.topic].hz)
 
     def _routes(self, one: GraphEndpoint) -> set[str]:
         return {match.route for match in self._matches.get(one.id, ())}

@@ -118,7 +118,7 @@ def detail(model: Model, topics: Iterable[str], now_s: float) -> bytes:
     losses = {topic: _losses(one, now_s) for topic in topics if (one := model.losses(topic))}
     return message(
         "detail",
-        ends={str(one.id): [one.messages, one.bytes, one.queued, one.dropped] for one in ends},
+        ends={str(one.id): [one.messages, one.bytes, one.queued, one.dropped, one.advice] for one in ends},
         losses=losses,
     )
 

@@ -61,6 +61,8 @@ class EndpointRow(msgspec.Struct, frozen=True, kw_only=True):
     """Routes of the matches, each route once."""
     age: Ages | None
     """Ages of messages that a subscription took; None if it took none recently."""
+    advice: str = ""
+    """A sentence about the depth of a subscription, if its figures support one."""
 
     @property
     def lost(self) -> int:

@@ -155,6 +155,7 @@ FROM_CLIENT: dict[str, m.Message] = {
         age_sum_ns=90_000,
         age_max_ns=50_000,
     ),
+    "report_missed": m.Report(endpoint=3, samples=10, bytes=400, dropped={"replaced": 22}, most_missed=22),
     "get_graph": m.GetGraph(request=4, statistics=True),
     "get_type": m.GetType(request=5, type_name="std_msgs/msg/String", type_hash="RIHS01_df66"),
     "observe": m.Observe(request=6),

@@ -204,11 +204,22 @@ static void test_depth_and_overrun_are_counted(void)
     put_some(20, 100);
     CHECK_EQ(take_all(&feed, 8), 8);
     CHECK_EQ(feed.ring.replaced, 12);
+    CHECK_EQ(feed_most_missed(&feed), 12);
     CHECK_EQ(feed.ring.overrun, 0);
+    put_some(15, 100);
+    feed_poll(&feed, 5);
+    put_some(4, 100);
+    feed_poll(&feed, 5);
+    CHECK_EQ(feed_most_missed(&feed), 14); /* none was taken in between */
+    CHECK_EQ(take_all(&feed, 5), 5);
     put_some(500, 100);
     const uint64_t oldest = w.oldest;
-    CHECK_EQ(take_all(&feed, 0), 520 - oldest + 1);
-    CHECK_EQ(feed.ring.overrun, oldest - 21);
+    CHECK_EQ(take_all(&feed, 0), 539 - oldest + 1);
+    CHECK_EQ(feed.ring.overrun, oldest - 40);
+    CHECK_EQ(feed_most_missed(&feed), 14); /* without a depth, it is the publisher's that was too small */
+    put_some(500, 100);
+    CHECK_EQ(take_all(&feed, 5), 5);
+    CHECK_EQ(feed_most_missed(&feed), 495); /* lapped and replaced */
 
     put_some(3, 100); /* the feed has read the head when the record is lapped */
     feed_poll(&feed, 0);

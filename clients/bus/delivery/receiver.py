@@ -68,6 +68,9 @@ class Receiver(Generic[M]):
         self._ages = Ages()
         self._age_due = 0
         """When `_samples` reaches this, the age of the next sample by socket counts."""
+        self._missed, self._missed_at = 0, 0
+        """Samples replaced since one was taken, and `_samples` at that time."""
+        self._most_missed = 0
         self.tracker = SequenceTracker(self.drop)
         self.is_lossless = is_lossless
         self._decode = decode
@@ -129,6 +132,11 @@ class Receiver(Generic[M]):
                 if count:
                     dropped[reason] = dropped.get(reason, 0) + count
         return dropped
+
+    @property
+    def most_missed(self) -> int:
+        """The most samples that the depth replaced between two taken ones."""
+        return self._most_missed if self.reader is None else max(self._most_missed, self.reader.most_missed)
 
     @property
     def lapped_reason(self) -> str:
@@ -215,6 +223,10 @@ class Receiver(Generic[M]):
         """Drop the oldest samples above the bounds, and count them."""
         if replaced := self._queue.trim():
             self.drop(DropReason.REPLACED, replaced)
+            if self._missed_at != self._samples:
+                self._missed, self._missed_at = 0, self._samples
+            self._missed += replaced
+            self._most_missed = max(self._most_missed, self._missed)
         extend(self._queue, INBOX_BYTES, is_lossless=self.is_lossless)
         gone: list[Run] = []
         if over := self._queue.drop_over_quota(gone, spare=1):

@@ -355,6 +355,7 @@ class SubscriptionCore(EndpointCore[M]):
             age_count=age_count,
             age_sum_ns=age_sum_ns,
             age_max_ns=age_max_ns,
+            most_missed=min(receiver.most_missed, MAX_COUNT),
         )
         besides = self.besides
         if besides is None:

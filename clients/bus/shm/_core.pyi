@@ -298,6 +298,9 @@ class Reader(Generic[S]):
     expected: int
     """By sequence numbers: samples + replaced + overrun + expired + undecodable + waiting ones."""
 
+    most_missed: int
+    """The most samples of one source that were replaced between two taken ones."""
+
     def __init__(self, readers: Readers, owner: Any, depth: int, *, tells_cursor: bool) -> None: ...
     def attach(
         self,

@@ -51,6 +51,8 @@ struct feed {
     uint64_t waiting;               /* samples found by the last poll and not yet taken */
     uint64_t seen;                  /* newest number that the owner has been told */
     uint64_t shown;                 /* the cursor in the slot */
+    uint64_t missed;                /* samples replaced since the last sample was taken */
+    uint64_t most_missed;           /* the most samples replaced between two taken ones; `missed` comes on top */
     uint64_t end;                   /* newest number that may be taken; MAX_SEQ + 1 while the publisher exists */
     uint64_t lifespan_ns;           /* older samples are not taken; 0: no limit. Set by the owner */
     uint64_t clock_ns;              /* lead of the publisher's clock over ours, modulo 2^64. Set by the owner */
@@ -198,6 +200,7 @@ static inline void feed_go_on(struct feed *feed)
 static inline void feed_skip(struct feed *feed, uint64_t count)
 {
     feed->ring.replaced += count;
+    feed->missed += count;
     feed->ring.next += count;
     feed->waiting -= count < feed->waiting ? count : feed->waiting;
     feed->has_head = false;
@@ -211,6 +214,8 @@ static inline void feed_poll(struct feed *feed, uint64_t depth)
     const uint64_t oldest = atomic_load_explicit(&feed->ring.header->oldest, memory_order_relaxed);
     if (oldest > feed->ring.next && oldest <= newest + 1) {
         feed->ring.overrun += oldest - feed->ring.next; /* counted here in case nothing is ever taken */
+        if (depth != 0)
+            feed->missed += oldest - feed->ring.next;
         feed->ring.next = oldest;
         feed->has_head = false;
     }
@@ -252,9 +257,19 @@ static inline bool feed_is_expired(const struct feed *feed, uint64_t stamp_ns, u
 
 /* --- taking the head. If it is overrun meanwhile, it is lost and counted, and feed_head() finds the next record. */
 
+/* The most samples replaced between two taken ones. */
+static inline uint64_t feed_most_missed(const struct feed *feed)
+{
+    return feed->missed > feed->most_missed ? feed->missed : feed->most_missed;
+}
+
 /* Steps past the head, which was taken or left out. */
 static inline void feed_step(struct feed *feed)
 {
+    if (feed->missed != 0) {
+        feed->most_missed = feed_most_missed(feed);
+        feed->missed = 0;
+    }
     ring_step(&feed->ring);
     feed->waiting--;
     feed->has_head = false;

@@ -203,6 +203,7 @@ struct Reader {
     uint64_t samples, bytes, expired, undecodable;
     struct ages ages;
     uint64_t replaced, overrun, passed; /* of feeds that were left; passed: all samples that they stepped over */
+    uint64_t most_missed;      /* the same: the most samples replaced between two taken ones of a feed */
     uint64_t lost_reported;    /* lost samples that the owner has been told */
     PyObject *rejected, *left; /* lists */
     struct prepared prepared;  /* callback NULL: the owner calls back */

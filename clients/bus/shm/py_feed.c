@@ -125,6 +125,8 @@ static void take_out(Reader *self, const struct feed *feed)
     self->replaced += feed->ring.replaced;
     self->overrun += feed->ring.overrun;
     self->passed += feed->ring.next - feed->first;
+    if (feed_most_missed(feed) > self->most_missed)
+        self->most_missed = feed_most_missed(feed);
 }
 
 /* Removes a feed at the owner's request. */

@@ -345,6 +345,16 @@ static PyObject *get_lost(PyObject *object, void *is_overrun)
     return PyLong_FromUnsignedLongLong(sum);
 }
 
+static PyObject *get_most_missed(PyObject *object, void *Py_UNUSED(closure))
+{
+    const Reader *self = (const Reader *)object;
+    uint64_t most = self->most_missed;
+    for (size_t i = 0; i < self->count; i++)
+        if (feed_most_missed(self->feeds[i]) > most)
+            most = feed_most_missed(self->feeds[i]);
+    return PyLong_FromUnsignedLongLong(most);
+}
+
 /* The number of samples that should have arrived, by sequence numbers alone: from the first to the newest of each
  * feed. */
 static PyObject *get_expected(PyObject *object, void *Py_UNUSED(closure))
@@ -431,6 +441,7 @@ static PyGetSetDef properties[] = {
     {"replaced", get_lost, NULL, NULL, NULL},
     {"overrun", get_lost, NULL, NULL, (void *)true},
     {"expected", get_expected, NULL, NULL, NULL},
+    {"most_missed", get_most_missed, NULL, NULL, NULL},
     {0},
 };
 

@@ -190,6 +190,7 @@ class Report(Message, frozen=True, tag="report"):
     age_count: Count = 0
     age_sum_ns: Count = 0
     age_max_ns: Count = 0
+    most_missed: Count = 0
 
 
 class GetGraph(Message, frozen=True, tag="graph?"):

@@ -81,6 +81,9 @@ class EndpointStatistics(msgspec.Struct, frozen=True, omit_defaults=True, gc=Fal
     """The sum of these ages, in nanoseconds."""
     age_max_ns: int = 0
     """The highest of them."""
+    most_missed: int = 0
+    """The most messages that the depth of a subscription replaced between two taken ones: with a depth higher
+    by this number it would have lost none of them."""
 
 
 class EndpointRecord(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):

@@ -16,6 +16,7 @@ Read first: `finding.py`. Tests: `tests/unit/bus_cli/doctor/`, `tests/system/tes
 import os
 from argparse import ArgumentParser, Namespace
 from collections.abc import Collection, Iterator, Sequence
+from pathlib import Path
 
 from bus.errors import BusError
 from bus.process.address import socket_path
@@ -46,6 +47,12 @@ def add_arguments(parser: ArgumentParser) -> None:
         help="Include warnings as failed checks. Warnings are ignored by default.",
     )
     add_conformance_arguments(parser)
+
+    parser.add_argument(
+        "--live",
+        action="store_true",
+        help="Also watch the bus for three seconds: losses, and advice about them",
+    )
 
 
 def main(args: Namespace) -> int:
@@ -100,6 +107,15 @@ def _print_reports(args: Namespace, categories: Collection[str] | None) -> None:
             say(text_of(report))
 
 
+def _examine_losses(path: Path) -> Iterator[Finding]:
+    from bus_cli.doctor import live
+
+    try:
+        yield from live.examine(live.watch(path))
+    except BusError as error:
+        yield fail("losses", str(error))
+
+
 def examine(args: Namespace) -> Iterator[Finding]:
     """All findings, the most basic ones first."""
     clocks = machine.ClockWatch()
@@ -126,6 +142,8 @@ def examine(args: Namespace) -> Iterator[Finding]:
             file, running = configuration.file_of_daemon(pid), bridges.engines_with_bridges(seen.graph)
             yield from processes.examine(seen)
             yield from topics.examine(seen.graph)
+            if args.live:
+                yield from _examine_losses(path)
     if not args.exclude_packages:
         yield from versions.examine()
     yield from versions.ros2_program(os.environ.get("PATH", os.defpath).split(os.pathsep))

@@ -1,5 +1,6 @@
 """`bus topic info`: a topic's type and endpoints; with -v their QoS, losses and matches."""
 
+import time
 from argparse import ArgumentParser, Namespace
 from functools import cache
 from typing import Any
@@ -12,6 +13,10 @@ from bus_cli.completion import completed_by, topics
 from bus_cli.origin import origin_record, origin_text
 from bus_cli.output import CommandError, dropped_text, print_json, say, size_text
 from bus_cli.query import Query, full_topic_name
+
+_RATE_S = 1.2
+"""Longest time that the rate of a topic takes, if there is advice that needs it."""
+_LOOK_S = 0.1
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -35,6 +40,8 @@ def main(args: Namespace) -> int:
         there = [*graph.publishers_of(topic), *graph.subscriptions_of(topic), *taps] if args.verbose else []
         describe = cache(query.description)
         matches = {one.id: _matches(graph, one, describe) for one in there}
+        hz = _hz(query, graph, topic) if any(map(_needs_rate, there)) else None
+        advices = {one.id: _advice(one, hz) for one in there}
     types = graph.topics().get(topic)
     if types is None:
         from bus_cli.suggestions import near_topic
@@ -48,7 +55,7 @@ def main(args: Namespace) -> int:
             record[f"{name.lower()}_count"] = len(endpoints)
             if args.verbose:
                 record[f"{name.lower()}s"] = [
-                    _record(endpoint, matches[endpoint.id]) for endpoint in endpoints
+                    _record(endpoint, matches[endpoint.id], advices[endpoint.id]) for endpoint in endpoints
                 ]
         print_json(record)
         return 0
@@ -58,11 +65,39 @@ def main(args: Namespace) -> int:
         say(f"{name} count: {len(endpoints)}", end=end)
         if args.verbose:
             for endpoint in endpoints:
-                say("\n".join(_block(endpoint, matches[endpoint.id])), end=end)
+                say("\n".join(_block(endpoint, matches[endpoint.id], advices[endpoint.id])), end=end)
     return 0
 
 
-def _block(endpoint: GraphEndpoint, matches: list[dict[str, str]]) -> list[str]:
+def _hz(query: Query, graph: Graph, topic: str) -> float | None:
+    """Messages published a second, from a further look at the counters; None if there are no new ones.
+
+    Processes report their counters twice a second.
+    """
+    before = {one.gid: one.statistics or EndpointStatistics() for one in graph.publishers_of(topic)}
+    end_s, rates = time.monotonic() + _RATE_S, dict[bytes, float]()
+    while len(rates) < len(before) and time.monotonic() < end_s:
+        time.sleep(_LOOK_S)
+        for one in query.graph(statistics=True).publishers_of(topic):
+            now, old = one.statistics or EndpointStatistics(), before.get(one.gid)
+            if old is not None and now.at_ns > old.at_ns > 0 and now.samples > old.samples:
+                rates[one.gid] = (now.samples - old.samples) * 1e9 / (now.at_ns - old.at_ns)
+    return sum(rates.values()) if rates else None
+
+
+def _advice(endpoint: GraphEndpoint, hz: float | None = None) -> str:
+    if endpoint.kind == "publisher" or endpoint.statistics is None:
+        return ""
+    from bus_web.advice import advice
+
+    return advice(endpoint.qos, endpoint.statistics, hz)
+
+
+def _needs_rate(endpoint: GraphEndpoint) -> bool:
+    return _advice(endpoint) != _advice(endpoint, 1.0)
+
+
+def _block(endpoint: GraphEndpoint, matches: list[dict[str, str]], advice: str) -> list[str]:
     counters = endpoint.statistics or EndpointStatistics()
     lines = [
         f"Node name: {endpoint.node.name}",
@@ -81,6 +116,8 @@ def _block(endpoint: GraphEndpoint, matches: list[dict[str, str]]) -> list[str]:
     lines.append(f"Dropped: {dropped_text(counters.dropped)}")
     if endpoint.kind != "publisher":
         lines.append(f"Expected: {counters.expected}")
+    if advice:
+        lines.append(f"Advice: {advice}")
     lines.append(f"Matches: {sum('route' in match for match in matches)}")
     for match in matches:
         how = f"route: {match['route']}" if "route" in match else f"no match: {match['reason']}"
@@ -119,7 +156,7 @@ def _other_reason(publisher: GraphEndpoint, subscription: GraphEndpoint) -> str:
     return "both belong to other buses, and no bridge forwards between them here"
 
 
-def _record(endpoint: GraphEndpoint, matches: list[dict[str, str]]) -> dict[str, Any]:
+def _record(endpoint: GraphEndpoint, matches: list[dict[str, str]], advice: str) -> dict[str, Any]:
     from msgspec import to_builtins
 
     qos, counters = endpoint.qos, endpoint.statistics or EndpointStatistics()
@@ -135,6 +172,11 @@ def _record(endpoint: GraphEndpoint, matches: list[dict[str, str]]) -> dict[str,
         "bytes": counters.bytes,
         "queued": counters.queued,
         "dropped": counters.dropped,
-        **({"expected": counters.expected} if endpoint.kind != "publisher" else {}),
+        **(
+            {"expected": counters.expected, "most_missed": counters.most_missed}
+            if endpoint.kind != "publisher"
+            else {}
+        ),
+        **({"advice": advice} if advice else {}),
         "matches": matches,
     }

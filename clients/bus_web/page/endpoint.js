@@ -8,8 +8,8 @@ export function makeEndpoint(choose) {
   const kind = element("span", { class: "kind" });
   const node = choose ? element("button", { type: "button", class: "name", onclick: () => choose(node.textContent) }) : element("b");
   const process = element("span", { class: "note" });
-  const qos = element("span", { class: "note" }), figures = element("span"), lost = element("span", { class: "loss" });
-  const item = element("li", {}, element("div", {}, kind, " ", node, " ", process), element("div", {}, figures, " ", lost), element("div", {}, qos));
+  const qos = element("span", { class: "note" }), figures = element("span"), lost = element("span", { class: "loss" }), advice = element("div", { class: "advice", hidden: true });
+  const item = element("li", {}, element("div", {}, kind, " ", node, " ", process), element("div", {}, figures, " ", lost), advice, element("div", {}, qos));
   return {
     item,
     paint(end, about) {
@@ -24,6 +24,8 @@ export function makeEndpoint(choose) {
       setText(figures, `${messages}${rate(end.hz)} Hz${queue}${isSubscription && end.age !== null ? `, ${age(end.age)} old` : ""}${routes ? `, by ${routes}` : end.reasons.length ? "" : ", alone"}`);
       setText(lost, end.lost ? `lost ${count(end.lost)}${reasons(end.dropped) ? `: ${reasons(end.dropped)}` : ""}` : "");
       setAttribute(lost, "class", end.lostPerS ? "loss losing" : "loss");
+      setText(advice, end.advice);
+      advice.hidden = !end.advice;
       setText(qos, end.qos);
     },
   };

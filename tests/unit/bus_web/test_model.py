@@ -148,6 +148,22 @@ def test_how_many_that_have_left_are_remembered() -> None:
     assert "/topic_198" not in model._pasts
 
 
+def test_advice_about_the_depth() -> None:
+    model = Model()
+    figures = {"dropped": {"replaced": 22}, "most_missed": 22, "expected": 5000}
+    for turn in (1, 2):
+        publisher = count(PUBLISHER, samples=190 * turn, at_ns=turn * S)
+        subscription = count(SUBSCRIPTION, samples=190 * turn, at_ns=turn * S, **figures)
+        model.take(graph(publisher, subscription, matches=MATCHES), turn * S)
+        assert [one.advice for one in model.endpoints("/chatter")] == [
+            "",
+            {
+                1: "depth 7 was once too small by 22 messages: depth 29",
+                2: "depth 7 at 190 Hz holds 37 ms; the longest stall was 153 ms: depth 29",
+            }[turn],
+        ]
+
+
 def test_what_does_not_match_and_why() -> None:
     reliable = endpoint(13, "subscription", LISTENER, qos=QoSProfile(reliability=Reliability.RELIABLE))
     offer = endpoint(11, "publisher", TALKER, qos=QoSProfile(reliability=Reliability.BEST_EFFORT))

@@ -83,7 +83,7 @@ def test_all_counters() -> None:
     model = Model()
     take(model, 2, lost=3)
     told = read(protocol.detail(model, ["/chatter", "/unknown"], 2.5))
-    assert told["ends"]["4"] == [20, 200, 0, {"replaced": 3}]
+    assert told["ends"]["4"] == [20, 200, 0, {"replaced": 3}, ""]
     losses = told["losses"]["/chatter"]
     assert (losses["bursts"], losses["earlier"]) == ([], {"replaced": 3}), "it is not known when"
 

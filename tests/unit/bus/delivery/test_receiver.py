@@ -88,6 +88,17 @@ class TestDepth:
         assert box.take() == [4, 5, 6]
         assert box.counts == (3, 3, 0, {"replaced": 3})
 
+    def test_the_most_missed_in_a_row(self) -> None:
+        box = Box(3)
+        box.put(1, *numbers(1, 5))
+        box.put(5, *numbers(5, 7))
+        assert box.receiver.most_missed == 3, "no message was taken in between"
+        box.take()
+        box.put(7, *numbers(7, 12))
+        assert (box.receiver.most_missed, box.receiver.dropped) == (3, {"replaced": 5})
+        box.put(12, *numbers(12, 20))
+        assert box.receiver.most_missed == 10
+
     def test_what_was_not_decoded_yet_may_still_be_replaced(self) -> None:
         """So the receiver takes a run message by message, as long as newer messages can arrive in between."""
         box = Box(3)

@@ -249,6 +249,25 @@ def test_the_depth_is_over_all_rings(listener: Listener) -> None:
     assert (listener.reader.replaced, listener.reader.overrun, listener.reader.samples) == (16, 0, 4)
 
 
+def test_the_most_missed_in_a_row(listener: Listener) -> None:
+    talker, other = Talker(), Talker()
+    listener.join(talker, 0)
+    listener.join(other, 1)
+    listener.reader.depth = 4
+
+    def stand_still(count: int, end: Talker = talker) -> int:
+        for _ in range(count):
+            end.write(b"x")
+            listener.reader.waiting()  # counts at once, as a report does
+        listener.take()
+        return listener.reader.most_missed
+
+    assert [stand_still(count) for count in (4, 7, 5, 9, 6)] == [0, 3, 3, 5, 5]
+    assert stand_still(12, other) == 8
+    listener.reader.detach(1)
+    assert (listener.reader.most_missed, listener.reader.replaced) == (8, 3 + 1 + 5 + 2 + 8)
+
+
 def test_expected_is_what_the_numbers_say(listener: Listener) -> None:
     """All samples are expected: taken, lapped, passed over, expired, waiting, or in a ring that the reader
     left.

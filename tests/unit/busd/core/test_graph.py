@@ -178,7 +178,12 @@ class TestStatistics:
             )
         )
         assert line.subscription.statistics(line.talker) == m.EndpointStatistics(
-            samples=7, bytes=70, queued=3, dropped={"replaced": 3, "undecodable": 1}, expected=13
+            samples=7,
+            bytes=70,
+            queued=3,
+            dropped={"replaced": 3, "undecodable": 1},
+            expected=13,
+            most_missed=2,
         )
 
     @for_each("expected", [0, 5, MAX_COUNT])

@@ -79,6 +79,24 @@ class TestDepth:
         assert line.subscription.payloads == [*"abcdef"[6 - depth :]]
         assert [sample.seq for sample in line.subscription.samples] == list(range(7 - depth, 7))
 
+    def test_the_most_that_a_process_missed_in_a_row(self) -> None:
+        line = Line(requested=QoSProfile(depth=2))
+
+        def stand_still(letters: str) -> int:
+            line.listener.is_blocked = True
+            for letter in letters:
+                line.publisher.publish(letter)
+            line.listener.unblock()
+            return line.subscription.statistics(line.talker).most_missed
+
+        assert stand_still("ab") == 0
+        assert stand_still("abcde") == 3, "a depth of 5 would have held them"
+        assert stand_still("abcd") == 3
+        assert stand_still("abcdefgh") == 6
+        assert line.dropped == {"replaced": 11}
+        line.listener.tell(m.Report(endpoint=line.subscription.id, samples=1, bytes=1, most_missed=9))
+        assert line.subscription.statistics(line.talker).most_missed == 9
+
     def test_keep_all_replaces_nothing(self) -> None:
         line = Line(requested=QoSProfile(depth=1, history="keep_all"))
         line.listener.is_blocked = True
