@@ -8,6 +8,8 @@ from collections import deque
 from collections.abc import Iterable
 from typing import NamedTuple
 
+from bus_plot.histogram import histogram
+
 __all__ = ["Bandwidth", "Delays", "Flow", "Intervals", "Spread", "spread"]
 
 _NS_PER_S = 1_000_000_000
@@ -100,6 +102,13 @@ class Delays:
     @property
     def is_empty(self) -> bool:
         return not self._delays
+
+    def histogram(self) -> tuple[float, float, list[int]]:
+        """Half of the delays are at most the first number, 99 % at most the second; and the number of delays
+        in each part of a histogram."""
+        ordered = sorted(self._delays)
+        last = len(ordered) - 1
+        return ordered[last // 2], ordered[min(last, math.ceil(0.99 * len(ordered)) - 1)], histogram(ordered)
 
     def due(self) -> Spread | None:
         """The delays; None if no message has arrived since the last call."""

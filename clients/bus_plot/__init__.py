@@ -1,5 +1,6 @@
 """Losses over time, and drawings of numbers over time.
 
+    times --> `histogram.py` (counts, quantiles, lines)
     counters --> `loss_timeline.py` (when, how many, by which reason) --+-- `bars.py` (a line of text)
                                                                         +-- `strips.py` (several topics)
 

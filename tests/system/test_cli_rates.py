@@ -208,6 +208,20 @@ def test_delay_window_and_json(daemon: object) -> None:
     assert record["delay_s"] >= 0.25
 
 
+def test_delay_as_a_histogram(daemon: object) -> None:
+    with script(STAMPER), start("topic", "delay", "/topic", "--histogram") as running:
+        running.line_with("min: ")
+        found = re.fullmatch(r"\tp50: (\d\.\d{6})s p99: (\d\.\d{6})s", running.line())
+        assert found is not None
+        assert 0.25 <= float(found[1]) <= float(found[2])
+        assert re.fullmatch(r"\t *\d+ ms \.\.\. \d+ ms ▇* +\d+", running.line())
+    with script(STAMPER), start("topic", "delay", "/topic", "-w", "3", "--json", "--histogram") as running:
+        record = report_that(lambda record: record["window"] == 3, lambda: json_line(running))
+    assert 0.25 <= record["p50_s"] <= record["p99_s"] == record["max_s"]
+    assert sum(count for _, _, count in record["histogram"]) == 3
+    assert record["histogram"][0][0] <= record["min_s"] < record["histogram"][0][1]
+
+
 def test_delay_says_when_nothing_is_new(daemon: object) -> None:
     with script(STAMPER) as stamper, start("topic", "delay", "/topic") as running:
         delay_lines(running)

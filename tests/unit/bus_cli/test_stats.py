@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bus_cli.stats import Bandwidth, Delays, Flow, Intervals, spread
+from bus_plot.histogram import part_of
 from rows import for_each
 
 S = 1_000_000_000
@@ -129,6 +130,19 @@ def test_delays_keep_their_window() -> None:
     for delay in (0, 1, 2, 3):
         delays.add(delay)
     assert delays.due() == (2.5, 2, 3, 0.5, 2)
+
+
+def test_delays_as_a_histogram() -> None:
+    delays = Delays(100)
+    for delay in (0, *range(2_000, 102_000, 1_000)):
+        delays.add(delay)
+    half, most, counts = delays.histogram()
+    assert (half, most, sum(counts)) == (51_000, 100_000, 100)
+    assert counts[part_of(2_000)] == 1
+    one = Delays(1)
+    one.add(0)
+    one.add(7)
+    assert one.histogram()[:2] == (7, 7)
 
 
 def flow_of(*messages: tuple[bytes, int, float]) -> Flow:
