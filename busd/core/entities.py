@@ -441,6 +441,7 @@ class Subscription(Endpoint):
             age_sum_ns=mine.age_sum_ns if mine else 0,
             age_max_ns=mine.age_max_ns if mine else 0,
             most_missed=max(self.most_missed, mine.most_missed if mine else 0),
+            age_parts=mine.age_parts if mine else (),
         )
 
 

@@ -1,34 +1,15 @@
 """Times in a histogram whose parts grow with the time: two for each doubling, from 1 µs to 17 s. Pure.
 
-busd's library counts the ages of messages in the same parts (`bus.delivery.ages`).
+Its parts are in `bus.base.time_parts`, because the library counts the ages of messages in them.
 """
 
 from collections.abc import Iterable, Sequence
 
-__all__ = ["PARTS", "bounds", "histogram", "lines", "part_of", "quantile"]
+from bus.base.time_parts import PARTS, bounds, part_of
 
-PARTS = 50
-"""Number of parts. The first one is of times below 1.024 µs, the last one of times from 17.2 s on."""
-_FIRST_BITS = 10
+__all__ = ["bounds", "histogram", "lines", "quantile"]
+
 _BAR_CELLS = 40
-
-
-def part_of(time_ns: int) -> int:
-    """The part that a time belongs to."""
-    bits = time_ns.bit_length() if time_ns > 0 else 0
-    if bits <= _FIRST_BITS:
-        return 0
-    return min(2 * (bits - _FIRST_BITS) - 1 + (time_ns >> (bits - 2) & 1), PARTS - 1)
-
-
-def bounds(part: int) -> tuple[int, int]:
-    """The lowest time of a part, and of the next one, in nanoseconds. The last part has no end: it counts as
-    twice as long as its begin."""
-    return _begin(part), _begin(part + 1) if part < PARTS - 1 else 2 * _begin(part)
-
-
-def _begin(part: int) -> int:
-    return (2 + (part - 1) % 2) << (_FIRST_BITS - 1 + (part - 1) // 2) if part else 0
 
 
 def histogram(times_ns: Iterable[int]) -> list[int]:

@@ -1,19 +1,24 @@
 """Counters of endpoints and of groups, from look to look: rates, recent losses, ages. Pure."""
 
+from collections import deque
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from bus.base.time_parts import PARTS
 from bus.graph import EndpointStatistics, GraphEndpoint
 from bus.qos import History, QoSProfile
+from bus_plot.histogram import quantile
 from bus_plot.loss_timeline import LossTimeline
 from bus_web.rates import HISTORY_S, Meter, RateHistory
 from bus_web.rows import Ages
 
-__all__ = ["Counters", "Group", "ages_of", "depth_of"]
+__all__ = ["Counters", "Group", "age_parts_of", "ages_of", "depth_of"]
 
 _NS = 1_000_000_000
 _NOW_NS = 3 * _NS
 """Losses within that time count as present losses."""
+_AGES_NS = 10 * _NS
+"""A process reports about a hundred ages a second at most: p99 needs several seconds."""
 _NOTHING = EndpointStatistics()
 
 
@@ -25,6 +30,7 @@ class Counters:
     """Counters of one endpoint over several looks; `endpoint` and `statistics` are from the newest look."""
 
     __slots__ = (
+        "age_reports",
         "aged",
         "dropped",
         "endpoint",
@@ -46,6 +52,8 @@ class Counters:
         self.statistics = _NOTHING
         self.aged: EndpointStatistics | None = None
         """The newest recent statistics with ages."""
+        self.age_reports: deque[tuple[int, tuple[int, ...]]] = deque()
+        """When ages were reported, and their histogram: those of the last ten seconds."""
         self.meter = Meter()
         self.rates: tuple[float, ...] | None = None
         self.losses: list[tuple[int, int]] = []  # when, and how many in all: of the last seconds
@@ -77,8 +85,13 @@ class Counters:
         self.rates = self.meter.rates(now_ns)
         if statistics.age_count:
             self.aged = statistics
+            if not self.age_reports or self.age_reports[-1][0] < statistics.at_ns:
+                self.age_reports.append((statistics.at_ns, statistics.age_parts))
+            while self.age_reports[0][0] <= statistics.at_ns - _AGES_NS:
+                self.age_reports.popleft()
         elif self.aged is not None and now_ns - self.aged.at_ns > _NOW_NS:
             self.aged = None
+            self.age_reports.clear()
         lost = sum(self.dropped.values()) if self.dropped else 0
         if lost != self.lost or len(self.losses) != 1:
             self._lose(lost, now_ns)
@@ -123,12 +136,27 @@ def _note_losses(timeline: LossTimeline, lost: Mapping[str, int], since_ns: int,
 
 def ages_of(counters: Iterable[Counters]) -> Ages | None:
     number = sum_ns = most_ns = 0
-    for one in counters:
+    known = [*counters]
+    for one in known:
         if (aged := one.aged) is not None:
             number += aged.age_count
             sum_ns += aged.age_sum_ns
             most_ns = max(most_ns, aged.age_max_ns)
-    return Ages(sum_ns / number / _NS, most_ns / _NS) if number else None
+    if not number:
+        return None
+    parts = age_parts_of(known)
+    p50, p99 = (quantile(parts, share) / _NS for share in (0.5, 0.99)) if any(parts) else (None, None)
+    return Ages(sum_ns / number / _NS, most_ns / _NS, p50, p99)
+
+
+def age_parts_of(counters: Iterable[Counters]) -> list[int]:
+    """The histogram of the ages of the last ten seconds, in the parts of `bus.base.time_parts`."""
+    total = [0] * PARTS
+    for one in counters:
+        for _, parts in one.age_reports:
+            for part, number in enumerate(parts):
+                total[part] += number
+    return total
 
 
 class Group:

@@ -11,7 +11,7 @@ from bus.graph import Graph, GraphEndpoint, GraphMatch
 from bus.names import is_hidden_node, is_hidden_topic
 from bus_plot.loss_timeline import LossTimeline
 from bus_web.advice import advice
-from bus_web.counters import Counters, Group, ages_of, depth_of
+from bus_web.counters import Counters, Group, age_parts_of, ages_of, depth_of
 from bus_web.rates import RateHistory
 from bus_web.rows import EndpointRow, NodeRow, Pair, Sums, TopicRow
 
@@ -145,6 +145,12 @@ class Model:
         if the topic does not exist."""
         group = self._topics.get(topic)
         return None if group is None else group.timeline
+
+    def age_parts(self, topic: str) -> list[int]:
+        """The histogram of the ages of a topic's messages, of the last ten seconds; empty if the topic does
+        not exist."""
+        group = self._topics.get(topic)
+        return [] if group is None else age_parts_of(group.subscriptions)
 
     def forget_pairs(self) -> None:
         """Call this when `describe` has learned more since the model called it."""

@@ -25,6 +25,7 @@ from typing import Any
 
 import msgspec
 
+from bus.base.time_parts import bounds
 from bus.names import is_hidden_node
 from bus.qos import in_words
 from bus_plot.loss_timeline import LossTimeline
@@ -120,7 +121,17 @@ def detail(model: Model, topics: Iterable[str], now_s: float) -> bytes:
         "detail",
         ends={str(one.id): [one.messages, one.bytes, one.queued, one.dropped, one.advice] for one in ends},
         losses=losses,
+        ages={topic: _age_bars(parts) for topic in topics if any(parts := model.age_parts(topic))},
     )
+
+
+def _age_bars(parts: list[int]) -> list[list[float]]:
+    """The begin and end of each part in milliseconds, its number; from the first to the last part used."""
+    used = [part for part, number in enumerate(parts) if number]
+    return [
+        [*(round(at_ns / 1e6, 4) for at_ns in bounds(part)), parts[part]]
+        for part in range(used[0], used[-1] + 1)
+    ]
 
 
 def _losses(timeline: LossTimeline, now_s: float) -> dict[str, Any]:
@@ -172,9 +183,11 @@ class Sent:
         return message("rates", topics=new_topics, ends=new_ends)
 
 
-def _age(ages: Ages | None) -> float | None:
-    """Their mean in milliseconds."""
-    return None if ages is None else _rounded(ages.mean * 1000)
+def _age(ages: Ages | None) -> list[float | None] | None:
+    """p50 (or the mean) and p99 in milliseconds."""
+    if ages is None:
+        return None
+    return [_rounded(ages.usual * 1000), None if ages.p99 is None else _rounded(ages.p99 * 1000)]
 
 
 def _rounded(value: float | None) -> float | None:

@@ -14,7 +14,18 @@ class Ages(msgspec.Struct, frozen=True):
     """How old messages were when programs took them, of late: seconds since they were published."""
 
     mean: float
+    """Over the last half second."""
     most: float
+    """The same."""
+    p50: float | None = None
+    """Half of the messages of the last ten seconds were not older; None if a process does not report it."""
+    p99: float | None = None
+    """The same for 99 %."""
+
+    @property
+    def usual(self) -> float:
+        """p50; without it, the mean."""
+        return self.mean if self.p50 is None else self.p50
 
 
 class Pair(msgspec.Struct, frozen=True):

@@ -382,6 +382,17 @@ async def test_when_messages_were_lost(daemon: Daemon) -> None:
 
 
 @pytest.mark.either_loop
+async def test_ages(daemon: Daemon) -> None:
+    async with screen() as shown, bus.Node("talker") as node:
+        publisher = await node.create_publisher(Int64, "/numbers", 10)
+        subscription = await node.create_subscription(Int64, "/numbers", 10)
+        await shown.until("/numbers .* 1 +1 ", "rows")
+        publisher.publish(Int64(data=1))
+        await subscription.receive()
+        await shown.until(r"/numbers .* (\d+|\d+\.\d) (µs|ms) +(\d+|\d+\.\d) (µs|ms) ", "rows")
+
+
+@pytest.mark.either_loop
 async def test_busd_stands_still(daemon: Daemon, monkeypatch: pytest.MonkeyPatch) -> None:
     """busd stops for longer than `bus top` waits for an answer."""
     async with screen() as shown:

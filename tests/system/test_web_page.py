@@ -200,6 +200,7 @@ def test_losses_have_a_past_that_survives_a_restart_of_busd(
             assert page.run("return document.querySelector('#detail .past path').getAttribute('d')")
             label = f"{row}.querySelector('.spark').getAttribute('aria-label')"
             assert "lost" in page.run(f"return {label}")
+            page.wait("return document.querySelector('#detail .ages path')?.getAttribute('d')")
         page.wait(f"return !{row}.classList.contains('losing')")
         before = page.run(lost)
         assert before > 0

@@ -342,7 +342,7 @@ class SubscriptionCore(EndpointCore[M]):
         if self.rings is not None:
             self.rings.reader.is_report_due = False
             self.rings.sweep()
-        age_count, age_sum_ns, age_max_ns = receiver.ages.report()
+        age_count, age_sum_ns, age_max_ns, age_parts = receiver.ages.report()
         report = m.Report(
             endpoint=self.id,
             samples=receiver.delivered,
@@ -356,6 +356,7 @@ class SubscriptionCore(EndpointCore[M]):
             age_sum_ns=age_sum_ns,
             age_max_ns=age_max_ns,
             most_missed=min(receiver.most_missed, MAX_COUNT),
+            age_parts=age_parts,
         )
         besides = self.besides
         if besides is None:

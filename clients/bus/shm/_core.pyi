@@ -416,8 +416,9 @@ class Reader(Generic[S]):
         """
     def pop_rejected(self) -> list[tuple[int, Exception]]:
         """Size and error of the samples that `decode` refused since the last call."""
-    def pop_ages(self) -> tuple[int, int, int]:
-        """Ages of samples taken since the last call, in ns: their number, their sum, the highest."""
+    def pop_ages(self) -> tuple[int, int, int, tuple[int, ...]]:
+        """Ages of samples taken since the last call, in ns: their number, their sum, the highest. And how
+        many each part of a histogram has (`bus.base.time_parts`), up to the last one used."""
     def pop_left(self) -> list[tuple[S, str, int]]:
         """Sources whose rings the reader has left on its own decision, each with reason and next number.
 

@@ -173,8 +173,11 @@ static inline struct feed_source *source_of(const struct feed *feed) { return (s
 static inline Mapping *mapping_of(const struct feed *feed) { return ((struct mapped_ring *)feed->rings)->memory; }
 
 /* Ages of samples at the time when they were taken. Up to AGES_AT_ONCE all samples count, then some. */
+enum { AGE_PARTS = 50, AGE_FIRST_BITS = 10 }; /* of their histogram, as in bus.base.time_parts */
+
 struct ages {
     uint64_t count, sum_ns, most_ns;
+    uint32_t parts[AGE_PARTS];
     uint32_t passed; /* samples since the last one that counts */
 };
 

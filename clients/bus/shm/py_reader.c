@@ -314,9 +314,20 @@ static PyObject *reader_pop_ages(PyObject *object, PyObject *Py_UNUSED(none))
 {
     Reader *self = (Reader *)object;
     const struct ages ages = self->ages;
+    Py_ssize_t used = AGE_PARTS;
+    while (used > 0 && ages.parts[used - 1] == 0)
+        used--;
+    PyObject *parts = PyTuple_New(used);
+    for (Py_ssize_t i = 0; parts != NULL && i < used; i++) {
+        PyObject *number = PyLong_FromUnsignedLong(ages.parts[i]);
+        if (number == NULL || PyTuple_SetItem(parts, i, number) < 0)
+            Py_CLEAR(parts);
+    }
+    if (parts == NULL)
+        return NULL;
     self->ages = (struct ages){0};
-    return Py_BuildValue("(KKK)", (unsigned long long)ages.count, (unsigned long long)ages.sum_ns,
-                         (unsigned long long)ages.most_ns);
+    return Py_BuildValue("(KKKN)", (unsigned long long)ages.count, (unsigned long long)ages.sum_ns,
+                         (unsigned long long)ages.most_ns, parts);
 }
 
 static PyObject *get_depth(PyObject *object, void *Py_UNUSED(closure))

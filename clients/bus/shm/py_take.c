@@ -125,6 +125,16 @@ static int reject(Reader *self, uint64_t size)
     return status;
 }
 
+/* The part of a histogram that an age belongs to: two for each doubling. */
+static unsigned age_part(uint64_t age_ns)
+{
+    const unsigned bits = age_ns == 0 ? 0 : 64 - (unsigned)__builtin_clzll(age_ns);
+    if (bits <= AGE_FIRST_BITS)
+        return 0;
+    const unsigned part = 2 * (bits - AGE_FIRST_BITS) - 1 + (unsigned)(age_ns >> (bits - 2) & 1);
+    return part < AGE_PARTS ? part : AGE_PARTS - 1;
+}
+
 /* Notes the age of a sample. Reading the clock costs a tenth of a take, so most of many samples go without it. */
 void ages_note(struct ages *ages, uint64_t stamp_ns, uint64_t now_ns)
 {
@@ -138,6 +148,7 @@ void ages_note(struct ages *ages, uint64_t stamp_ns, uint64_t now_ns)
         return; /* the stamp is false */
     ages->count++;
     ages->sum_ns += age_ns;
+    ages->parts[age_part(age_ns)]++;
     if (age_ns > ages->most_ns)
         ages->most_ns = age_ns;
 }

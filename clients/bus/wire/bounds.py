@@ -12,6 +12,8 @@ NextSeq = Annotated[int, Meta(ge=1, le=MAX_COUNT + 1)]
 """The number of the next sample, which is one above that of the last sample."""
 Drops = Annotated[dict[Annotated[str, Meta(max_length=32)], Count], Meta(max_length=16)]
 """Samples dropped, by reason."""
+AgeParts = Annotated[tuple[Count, ...], Meta(max_length=50)]
+"""Ages in the parts of a histogram, as in `bus.base.time_parts`."""
 MOST_REMEMBERED = 1024
 """Number of departed publishers whose last received number is kept."""
 LastSeqs = Annotated[dict[Annotated[bytes, Meta(max_length=16)], Count], Meta(max_length=MOST_REMEMBERED)]

@@ -12,6 +12,7 @@ from msgspec import field
 from bus.qos import QoSProfile
 from bus.vocabulary import Route
 from bus.wire.bounds import (
+    AgeParts,
     Capabilities,
     ClockOffset,
     Count,
@@ -191,6 +192,7 @@ class Report(Message, frozen=True, tag="report"):
     age_sum_ns: Count = 0
     age_max_ns: Count = 0
     most_missed: Count = 0
+    age_parts: AgeParts = ()
 
 
 class GetGraph(Message, frozen=True, tag="graph?"):

@@ -84,6 +84,9 @@ class EndpointStatistics(msgspec.Struct, frozen=True, omit_defaults=True, gc=Fal
     most_missed: int = 0
     """The most messages that the depth of a subscription replaced between two taken ones: with a depth higher
     by this number it would have lost none of them."""
+    age_parts: tuple[int, ...] = ()
+    """The same ages as a histogram: the number in each part, up to the last part used. Part 0 is of ages
+    below 1.024 µs. The parts 2n - 1 and 2n begin at 512 ns and 768 ns, multiplied by 2 to the power of n."""
 
 
 class EndpointRecord(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):

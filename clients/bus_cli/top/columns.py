@@ -35,7 +35,15 @@ def mark_of(row: Row | EndpointRow) -> str:
 
 
 def age_text(ages: Ages | None) -> str:
-    return NONE if ages is None else seconds_text(ages.mean)
+    return NONE if ages is None else seconds_text(ages.usual)
+
+
+def p99_text(ages: Ages | None) -> str:
+    return NONE if ages is None or ages.p99 is None else seconds_text(ages.p99)
+
+
+def _p99(ages: Ages | None) -> float:
+    return -1.0 if ages is None or ages.p99 is None else ages.p99
 
 
 def queue_text(row: Row | EndpointRow) -> str:
@@ -82,7 +90,8 @@ def _columns(title: str, second: Column) -> list[Column]:
         Column("SUB", lambda row: count_text(row.subscriptions), lambda row: row.subscriptions, 4, 8),
         Column("ROUTE", _route_text, lambda row: row.routes, 6, 3, is_left=True),
         Column("QUEUE", queue_text, lambda row: row.queued, 7, 6),
-        Column("AGE", lambda row: age_text(row.age), lambda row: row.age.mean if row.age else -1.0, 7, 4),
+        Column("AGE", lambda row: age_text(row.age), lambda row: row.age.usual if row.age else -1.0, 7, 4),
+        Column("P99", lambda row: p99_text(row.age), lambda row: _p99(row.age), 7, 4),
         Column("LOST/S", lambda row: rate_text(row.lost_per_s), lambda row: row.lost_per_s, 7),
         Column("LOST", lambda row: count_text(row.lost), lambda row: row.lost, 7),
         Column("LOSSES", lambda row: losses_text(row.lost_history), None, SPARK_CELLS, 2),
@@ -105,6 +114,7 @@ def _endpoint_columns(title: str, name: Callable[[EndpointRow], str]) -> list[Co
         Column("HZ", lambda row: rate_text(row.hz), None, 7, 3),
         Column("QUEUE", queue_text, None, 7, 4),
         Column("AGE", lambda row: age_text(row.age), None, 7, 2),
+        Column("P99", lambda row: p99_text(row.age), None, 7, 2),
         Column("LOST", lambda row: NONE if row.kind == "publisher" else dropped_text(row.dropped)),
         Column("QOS", lambda row: in_words(row.qos), goes=1),
     ]

@@ -73,7 +73,11 @@ export class Bus {
       const end = this.ends.get(Number(id));
       if (end) Object.assign(end, { messages, bytes, queued, dropped, advice });
     }
-    for (const topic of this.topics.values()) topic.past = null;
+    for (const topic of this.topics.values()) Object.assign(topic, { past: null, ages: null });
+    for (const [name, ages] of Object.entries(told.ages)) {
+      const topic = this.topics.get(name);
+      if (topic) topic.ages = ages;
+    }
     for (const [name, past] of Object.entries(told.losses)) {
       const topic = this.topics.get(name);
       if (topic) topic.past = past;
@@ -87,6 +91,7 @@ function newTopic(name) {
     lostHistory: [], // messages lost in each second, as `history` has their rate
     newlyLost: 0, // in this second, so far
     past: null, // of a topic that is looked at: when messages were lost
+    ages: null, // the same: parts of a histogram, each with its begin and end in ms, and the number of messages
     passed(now) {
       if (now <= this.second) return;
       const passed = this.second ? Math.min(now - this.second, SECONDS) : 1; // more than one: it was away, or the page slept

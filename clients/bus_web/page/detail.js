@@ -4,6 +4,7 @@
 import { Kept, element, setChildren, setText } from "./dom.js";
 import { makeEndpoint } from "./endpoint.js";
 import { count, rate, shortType, size } from "./format.js";
+import { Ages } from "./ages.js";
 import { Losses } from "./losses.js";
 import { Tree } from "./tree.js";
 
@@ -39,10 +40,11 @@ export class Detail {
     }
     this.mismatches = element("ul", { class: "mismatches", "aria-label": "What does not match" });
     this.losses = new Losses();
+    this.ages = new Ages();
     this.tree = new Tree((path) => this.plot(topic, path), (path) => this.toggle(path));
     this.valueNote = element("p", { class: "note", id: "value-note" }, "no message yet");
     this.place.replaceChildren(
-      title, this.about, this.list, this.mismatches, this.losses.root, element("h3", {}, "Values"), this.valueNote,
+      title, this.about, this.list, this.mismatches, this.losses.root, this.ages.root, element("h3", {}, "Values"), this.valueNote,
       element("div", { class: "values", tabindex: "0", role: "group", "aria-label": `Values of ${topic}` }, this.tree.root),
     );
   }
@@ -68,6 +70,7 @@ export class Detail {
     const ends = [...topic.publishers, ...topic.subscriptions].filter((end) => bus.nodes.has(end.node));
     this.showEnds(bus, ends);
     this.losses.show(topic);
+    this.ages.show(topic);
     const cut = bus.pairs.filter((pair) => pair.reason && pair.publisher.topic === this.topic);
     setChildren(this.mismatches, cut.slice(0, 20).map(({ publisher, subscription, reason }) => element("li", {},
       `${bus.nodes.get(publisher.node)?.name} and ${bus.nodes.get(subscription.node)?.name} don't match: ${reason}`)));

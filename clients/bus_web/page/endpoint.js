@@ -1,7 +1,7 @@
 // An endpoint as an item of a list: what it counts, its queue, its losses, its QoS.
 
 import { element, setAttribute, setText } from "./dom.js";
-import { age, count, rate, reasons, shortType } from "./format.js";
+import { ages, count, rate, reasons, shortType } from "./format.js";
 
 // `choose`: where the list is of a node, each endpoint has its topic, which may be chosen.
 export function makeEndpoint(choose) {
@@ -21,7 +21,7 @@ export function makeEndpoint(choose) {
       const messages = end.messages === null ? "" : `${count(end.messages)} messages, `;
       const queue = isSubscription ? `, queue ${count(end.queued)}${end.depth === null ? "" : ` of ${count(end.depth)}`}` : "";
       const routes = [...end.routes].sort().join(" and ");
-      setText(figures, `${messages}${rate(end.hz)} Hz${queue}${isSubscription && end.age !== null ? `, ${age(end.age)} old` : ""}${routes ? `, by ${routes}` : end.reasons.length ? "" : ", alone"}`);
+      setText(figures, `${messages}${rate(end.hz)} Hz${queue}${isSubscription && end.age !== null ? `, ${ages(end.age)} old` : ""}${routes ? `, by ${routes}` : end.reasons.length ? "" : ", alone"}`);
       setText(lost, end.lost ? `lost ${count(end.lost)}${reasons(end.dropped) ? `: ${reasons(end.dropped)}` : ""}` : "");
       setAttribute(lost, "class", end.lostPerS ? "loss losing" : "loss");
       setText(advice, end.advice);

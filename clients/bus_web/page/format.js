@@ -18,6 +18,15 @@ export function age(ms) {
   return ms >= 1000 ? `${(ms / 1000).toPrecision(3)} s` : `${ms >= 100 ? ms.toFixed(0) : ms.toPrecision(2)} ms`;
 }
 
+// Half of the messages, and 99 % of them, were at most so old: two numbers, with one unit where they share it.
+export function ages(both) {
+  if (!both) return "";
+  const [half, most] = both.map(age);
+  if (!most) return half;
+  const [number, unit] = half.split(" ");
+  return unit === most.split(" ")[1] ? `${number} / ${most}` : `${half} / ${most}`;
+}
+
 export const count = (value) => value.toLocaleString("en-US").replaceAll(",", "\u00a0");
 
 export function reasons(dropped) {

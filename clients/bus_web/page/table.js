@@ -2,7 +2,7 @@
 
 import { SECONDS } from "./bus.js";
 import { Kept, element, setAttribute, setChildren, setText, svg } from "./dom.js";
-import { age, count, plural, rate, shortType, size } from "./format.js";
+import { ages, count, plural, rate, shortType, size } from "./format.js";
 import { bars } from "./losses.js";
 
 const PAGE = 100;
@@ -20,11 +20,12 @@ const COLUMNS = [
   ["Sub", (topic) => topic.subscriptions.length, (topic) => topic.subscriptions.length],
   ["Route", (topic) => routesOf(topic).join(), (topic) => routesOf(topic).join(", ")],
   ["Queue", (topic) => topic.queued, (topic) => (topic.subscriptions.length ? queue(topic) : "")],
-  ["Age", (topic) => topic.age ?? -1, (topic) => age(topic.age)],
+  ["Age", (topic) => topic.age?.[0] ?? -1, (topic) => ages(topic.age)],
   ["Lost/s", (topic) => topic.lostPerS, (topic) => (topic.lostPerS ? rate(topic.lostPerS) : "")],
   ["Lost", (topic) => topic.lost, (topic) => (topic.lost ? count(topic.lost) : "0")],
   ["Why", why, why],
 ];
+const HINTS = { Age: "half of the messages / 99 % of them were at most so old when a program took them" };
 const SPARK = COLUMNS.findIndex(([title]) => title === "60 s");
 const NUMBERS = new Set(["Hz", "B/s", "Pub", "Sub", "Queue", "Age", "Lost/s", "Lost"]);
 
@@ -41,7 +42,7 @@ export class Table {
     this.isSorted = false;
     this.rows = new Kept((name) => this.makeRow(name));
     COLUMNS.forEach(([title, value], at) => {
-      const label = value ? element("button", { type: "button", onclick: () => this.sortBy(at) }, title) : title;
+      const label = value ? element("button", { type: "button", onclick: () => this.sortBy(at), title: HINTS[title] ?? null }, title) : title;
       this.head.append(element("th", { scope: "col", class: NUMBERS.has(title) ? "number" : null }, label));
     });
     const step = (text, by) => element("button", { type: "button", onclick: () => this.turn(by) }, text);

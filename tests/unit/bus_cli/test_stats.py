@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bus.base.time_parts import part_of
 from bus_cli.stats import Bandwidth, Delays, Flow, Intervals, spread
-from bus_plot.histogram import part_of
 from rows import for_each
 
 S = 1_000_000_000

@@ -5,7 +5,7 @@ from typing import Any
 from bus.graph import EndpointStatistics, GraphEndpoint, GraphNode
 from bus.qos import History, QoSProfile
 from bus_plot.loss_timeline import LossTimeline, Slot
-from bus_web.counters import Counters, Group, ages_of, depth_of
+from bus_web.counters import Counters, Group, age_parts_of, ages_of, depth_of
 from bus_web.rates import RateHistory
 from bus_web.rows import Ages
 
@@ -80,6 +80,30 @@ def test_ages_are_of_late() -> None:
     assert ages_of([counters]) is not None
     counters.take(nothing, 4 * S + 1)
     assert ages_of([counters]) is None
+
+
+def test_p50_and_p99_are_of_the_last_ten_seconds() -> None:
+    counters, other = Counters(), Counters()
+
+    def report(second: int, *parts: int) -> list[int]:
+        """p50 and p99 in nanoseconds."""
+        age = {"age_count": sum(parts), "age_sum_ns": S, "age_max_ns": S, "age_parts": parts}
+        counters.take(counted(at_ns=second * S, **age), second * S)
+        counters.take(counted(at_ns=second * S, **age), second * S)  # the same report, seen again
+        ages = ages_of([counters])
+        assert ages is not None
+        assert (ages.mean, ages.most) == (1 / sum(parts), 1.0)
+        assert ages.p50 is not None
+        assert ages.p99 is not None
+        return [round(ages.p50 * S), round(ages.p99 * S)]
+
+    assert report(1, 0, 0, 0, 10) == [2560, 3062]
+    assert report(5, 0, 10) == [1536, 3052]
+    assert age_parts_of([counters])[:4] == [0, 10, 0, 10]
+    assert report(11, 10) == [1024, 1526], "the first is over"
+    assert age_parts_of([counters, other])[:4] == [10, 10, 0, 0]
+    counters.take(counted(at_ns=12 * S), 15 * S)
+    assert (ages_of([counters]), sum(age_parts_of([counters]))) == (None, 0)
 
 
 def test_several_together() -> None:

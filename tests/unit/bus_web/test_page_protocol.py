@@ -16,13 +16,14 @@ TALKER = GraphNode(1, "talker", "/", 10)
 LISTENER = GraphNode(2, "listener", "/", 20)
 
 
-def take(model: Model, turn: int, lost: int = 0) -> None:
+def take(model: Model, turn: int, lost: int = 0, age: Any = None) -> None:
     ends = [
         GraphEndpoint(
             3 + number, kind, node, "/chatter", "std_msgs/msg/String", "h", bytes([number]) * 16,
             QoSProfile(7),
             EndpointStatistics(
-                samples=turn * 10, bytes=turn * 100, at_ns=turn * S, dropped={"replaced": lost}
+                samples=turn * 10, bytes=turn * 100, at_ns=turn * S, dropped={"replaced": lost},
+                **(age or {}) if kind == "subscription" else {},
             ),
         )
         for number, (kind, node) in enumerate((("publisher", TALKER), ("subscription", LISTENER)))
@@ -86,6 +87,16 @@ def test_all_counters() -> None:
     assert told["ends"]["4"] == [20, 200, 0, {"replaced": 3}, ""]
     losses = told["losses"]["/chatter"]
     assert (losses["bursts"], losses["earlier"]) == ([], {"replaced": 3}), "it is not known when"
+
+
+def test_ages() -> None:
+    model, sent = Model(), protocol.Sent()
+    take(model, 2, age={"age_count": 5, "age_sum_ns": 10_000, "age_max_ns": 4000, "age_parts": (0, 0, 3, 2)})
+    assert read(sent.rates(model))["topics"]["/chatter"][-1] == [0.00196, 0.00305]
+    told = read(protocol.detail(model, ["/chatter"], 2.0))
+    assert told["ages"] == {"/chatter": [[0.0015, 0.002, 3], [0.002, 0.0031, 2]]}
+    take(model, 3, age={"age_count": 5, "age_sum_ns": 10_000, "age_max_ns": 4000})
+    assert read(protocol.detail(Model(), [], 2.0))["ages"] == {}
 
 
 def test_when_messages_were_lost() -> None:

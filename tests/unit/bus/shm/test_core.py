@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from bus.base.time_parts import part_of
 from bus.shm import segments
 from shm_ends import LARGE, Listener, Talker, core, listener, talker
 
@@ -53,14 +54,26 @@ def test_ages_of_some_are_looked_at(talker: Talker, listener: Listener) -> None:
     talker.write(b"one", b"two", b"three")
     assert len(listener.reader.messages(1, bytes)) == 1
     assert len(listener.reader.take(9, bytes)) == 2
-    count, sum_ns, most_ns = listener.reader.pop_ages()
-    assert count == 3
+    count, sum_ns, most_ns, parts = listener.reader.pop_ages()
+    assert count == sum(parts) == 3
+    assert len(parts) == part_of(most_ns) + 1
     assert 0 < most_ns < sum_ns < 3 * (time.monotonic_ns() - began_ns)
-    assert listener.reader.pop_ages() == (0, 0, 0)
+    assert listener.reader.pop_ages() == (0, 0, 0, ())
     for _ in range(64 + 3 * 32):
         talker.write(b"more")
         listener.reader.messages(1, bytes)
     assert listener.reader.pop_ages()[0] == 64 + 3
+
+
+def test_the_histogram_of_ages_has_the_parts_of_the_library(talker: Talker, listener: Listener) -> None:
+    clock_ns = 20_000 * 10**9
+    listener.join(talker, clock_ns=clock_ns)
+    for age_ns in (place << bits for bits in reversed(range(40)) for place in (3, 2)):  # stamps only grow
+        talker.writer.write_parts([b"x"], stamp_ns=time.monotonic_ns() - age_ns + clock_ns)
+        assert listener.take() == [b"x"]
+        count, _, most_ns, parts = listener.reader.pop_ages()
+        assert (count, most_ns >= age_ns) == (1, True)
+        assert parts == (0,) * part_of(most_ns) + (1,), most_ns
 
 
 def test_refusals(listener: Listener) -> None:
@@ -338,7 +351,7 @@ def test_ages_and_lifespans_go_by_one_clock(talker: Talker, listener: Listener) 
     talker.writer.write_parts([b"old"], stamp_ns=now - 2 * 10**9 + clock_ns)
     talker.writer.write_parts([b"new"], stamp_ns=now + clock_ns)
     assert listener.take() == [b"new"]
-    count, _, most_ns = listener.reader.pop_ages()
+    count, _, most_ns, _ = listener.reader.pop_ages()
     assert (count, listener.reader.expired) == (1, 1) and 0 < most_ns < 10**9
 
 

@@ -9,8 +9,10 @@ from bus_cli.top.columns import (
     BY_NODE,
     BY_TOPIC,
     SORT_KEYS,
+    age_text,
     endpoint_lines,
     mark_of,
+    p99_text,
     queue_text,
     sums_text,
     why_text,
@@ -70,16 +72,28 @@ BUSY = topic(
 def test_a_row() -> None:
     title, lines = BY_TOPIC.lines([BUSY], None, by="hz")
     assert title.split() == [
-        "TOPIC", "TYPE", "[HZ]", "B/S", "RATE", "PUB", "SUB", "ROUTE", "QUEUE", "AGE", "LOST/S", "LOST",
-        "LOSSES", "WHY",
+        "TOPIC", "TYPE", "[HZ]", "B/S", "RATE", "PUB", "SUB", "ROUTE", "QUEUE", "AGE", "P99", "LOST/S",
+        "LOST", "LOSSES", "WHY",
     ]  # fmt: skip
     text, mark = lines[0]
     assert text.split() == [
         "/scan", "sensor_msgs/LaserScan", "29.9", "1.50", "KB", "▆▆▆▆▆▆▆▆▆▆", "1", "2", "shm", "3/10",
-        "1.2", "ms", "2", "13", "loses", "now:", "replaced",
+        "1.2", "ms", "-", "2", "13", "loses", "now:", "replaced",
     ]  # fmt: skip
     assert mark == LOSES
     assert lines[0:1] == [*lines]
+
+
+def test_ages() -> None:
+    old, new = Ages(0.5, 2.0), Ages(0.5, 2.0, p50=0.0021, p99=0.013)
+    assert [(age_text(one), p99_text(one)) for one in (None, old, new)] == [
+        ("-", "-"),
+        ("500 ms", "-"),
+        ("2.1 ms", "13.0 ms"),
+    ]
+    rows = [topic("/a"), topic("/b", age=new), topic("/c", age=old)]
+    assert [row.topic for row in BY_TOPIC.sort(rows, "age")] == ["/c", "/b", "/a"]
+    assert [row.topic for row in BY_TOPIC.sort(rows, "p99")] == ["/b", "/a", "/c"]
 
 
 def test_losses_of_the_last_minute_are_bars() -> None:
@@ -96,7 +110,7 @@ def test_no_line_is_wider_than_the_terminal(width: int) -> None:
     assert all(len(text) <= width for text in (title, *(line.text for line in lines)))
     for name in ("TOPIC", "HZ", "LOST", "WHY"):
         assert name in title
-    assert (len(title.split()) == 14) == (width >= 160)
+    assert (len(title.split()) == 15) == (width >= 160)
 
 
 def test_80_columns_say_who_loses_what_and_why() -> None:
@@ -178,7 +192,7 @@ def test_endpoints_and_what_does_not_match() -> None:
     pairs = [Pair(1, 2, "shm"), Pair(1, 3, reason="ERROR: one is best effort, the other is not"), Pair(8, 9)]
     names = {1: "/talker", 2: "/listener", 3: "/other"}
     title, lines = endpoint_lines(BUSY, [talker, listener], pairs, names, 120)
-    assert title.split() == ["NODE", "KIND", "PID", "MESSAGES", "HZ", "QUEUE", "AGE", "LOST", "QOS"]
+    assert title.split() == ["NODE", "KIND", "PID", "MESSAGES", "HZ", "QUEUE", "AGE", "P99", "LOST", "QOS"]
     first, second, third = lines
     assert first.text.split()[:6] == ["/talker", "pub", "7", "40", "10", "-"]
     assert "3 (expired: 1, replaced: 2)" in second.text
