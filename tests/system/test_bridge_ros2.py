@@ -13,7 +13,7 @@ import pytest
 
 import bus
 import netns
-from bridged_world import Bridge, Side, World, on_one_loop, until
+from bridged_world import World, on_one_loop, until
 from bus.msg.geometry_msgs import Twist, Vector3
 from bus.msg.sensor_msgs import Image
 from bus.msg.std_msgs import Header, String
@@ -21,6 +21,7 @@ from conftest import WAIT_S
 from forks import Forks
 from peers import peer
 from peers.peer import Peer
+from ros2_bridged import ask, join
 
 pytest.importorskip("cyclonedds", reason="cyclonedds is not installed: make setup installs it")
 
@@ -65,18 +66,8 @@ def world(
         yield world
 
 
-def join(world: World) -> tuple[Side, Bridge]:
-    side = world["robot"]
-    return side, side.bridge("ros2", "--domain-id", str(world.domain), "--carrier", world.carrier)
-
-
 def node_of(world: World, distro: peer.Distro, name: str = "ros_node", namespace: str = "") -> Peer:
     return peer.ros(distro, name, world["robot"].machine, namespace=namespace, domain=world.domain)
-
-
-async def ask(one: Peer, order: str, **arguments: Any) -> Any:
-    """Does not block the nodes of this process."""
-    return await asyncio.to_thread(one.ask, order, **arguments)
 
 
 async def answers(one: Peer, order: str, fits: Any, **arguments: Any) -> Any:

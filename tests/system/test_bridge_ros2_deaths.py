@@ -5,49 +5,26 @@ Each call on the bus ends, and no server carries one out twice.
 
 import asyncio
 from collections import Counter
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 import bus
-from bridged_world import Bridge, Side, World, on_one_loop, until
+from bridged_world import Bridge, World, on_one_loop, until
 from bus.types.classes import service_class
-from forks import Forks
-from peers import peer
 from peers.peer import Peer
+from ros2_bridged import LIST, ask, join, ros, world
+
+__all__ = ["world"]
 
 pytest.importorskip("cyclonedds", reason="cyclonedds is not installed: make setup installs it")
 
-LIST = "rcl_interfaces/srv/ListParameters"
 ListParameters: Any = service_class(LIST)
 LEASE_S = 28.0
 """Longer than the lease of a participant of ROS 2."""
 SOON_S = 5.0
 ONCE = dict.fromkeys(range(20), 1)
-
-
-@pytest.fixture
-def world(tmp_path: Path, forks: Forks, monkeypatch: pytest.MonkeyPatch) -> Iterator[World]:
-    monkeypatch.setenv("BUSD_AUTOSTART", "0")
-    with World(tmp_path, forks, "robot") as world:
-        yield world
-
-
-def join(world: World) -> tuple[Side, Bridge]:
-    side = world["robot"]
-    return side, side.bridge("ros2", "--domain-id", str(world.domain))
-
-
-async def ros(world: World, distro: peer.Distro = "jazzy") -> Peer:
-    machine = world["robot"].machine
-    return await asyncio.to_thread(peer.ros, distro, "ros_node", machine, domain=world.domain)
-
-
-async def ask(one: Peer, order: str, **arguments: Any) -> Any:
-    """Does not block the nodes of this process."""
-    return await asyncio.to_thread(one.ask, order, **arguments)
 
 
 def begin(client: Any, count: int) -> list[asyncio.Task[Any]]:

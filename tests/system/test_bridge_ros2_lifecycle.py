@@ -1,21 +1,19 @@
 """Lifecycle nodes between a bus and ROS 2's rclpy, through `bus bridge ros2`."""
 
 import asyncio
-from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
 
 from bridged_world import World, on_one_loop, until
 from cli import script
-from forks import Forks
 from peers import peer
-from peers.peer import Peer
+from ros2_bridged import DISTROS, join, ros, world
+
+__all__ = ["world"]
 
 pytest.importorskip("cyclonedds", reason="cyclonedds is not installed: make setup installs it")
 
-DISTROS = pytest.mark.parametrize("distro", ["jazzy", "kilted"])
 NODE = """
 import bus.rclpy_compat
 import rclpy
@@ -29,23 +27,10 @@ rclpy.spin(node)
 SRV = "lifecycle_msgs/srv"
 
 
-@pytest.fixture
-def world(tmp_path: Path, forks: Forks, monkeypatch: pytest.MonkeyPatch) -> Iterator[World]:
-    monkeypatch.setenv("BUSD_AUTOSTART", "0")
-    with World(tmp_path, forks, "robot") as world:
-        yield world
-
-
-async def ros(world: World, distro: peer.Distro) -> Peer:
-    side = world["robot"]
-    side.bridge("ros2", "--domain-id", str(world.domain))
-    return await asyncio.to_thread(peer.ros, distro, "ros_node", side.machine, domain=world.domain)
-
-
 @DISTROS
 @on_one_loop
 async def test_the_bus_manages_a_node_of_rclpy(world: World, distro: peer.Distro) -> None:
-    side = world["robot"]
+    side, _ = join(world)
     with await ros(world, distro) as far:
         await asyncio.to_thread(far.ask, "manage", name="managed")
         await until(lambda: side.bus("lifecycle", "get", "/managed").out == "unconfigured [1]\n")
@@ -65,6 +50,7 @@ async def test_rclpy_manages_a_node_of_the_bus(
     world: World, distro: peer.Distro, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("BUSD_SOCKET", str(world["robot"].path))
+    join(world)
     with script(NODE), await ros(world, distro) as far:
 
         def call(name: str, kind: str, **request: Any) -> Any:

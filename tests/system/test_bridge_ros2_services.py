@@ -1,7 +1,6 @@
 """Services and actions between a bus and ROS 2's rclpy, through `bus bridge ros2`."""
 
 import asyncio
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -9,45 +8,23 @@ import pytest
 
 import bus
 import bus_actions
-from bridged_world import Bridge, Side, World, on_one_loop, until
+from bridged_world import World, on_one_loop, until
 from bus.errors import ServiceUnavailable
 from bus.types.classes import service_class
-from forks import Forks
 from peers import peer
 from peers.peer import Peer
+from ros2_bridged import DISTROS, LIST, ask, join, ros, world
+
+__all__ = ["world"]
 
 pytest.importorskip("cyclonedds", reason="cyclonedds is not installed: make setup installs it")
 
-DISTROS = pytest.mark.parametrize("distro", ["jazzy", "kilted"])
-LIST = "rcl_interfaces/srv/ListParameters"
 GET = "rcl_interfaces/srv/GetParameters"
 SET = "rcl_interfaces/srv/SetParameters"
 FIBONACCI = "test_msgs/action/Fibonacci"
 SHARE = Path(__file__).parents[1] / "differential/share"
 SUCCEEDED, CANCELED = 4, 5
 ListParameters: Any = service_class(LIST)
-
-
-@pytest.fixture
-def world(tmp_path: Path, forks: Forks, monkeypatch: pytest.MonkeyPatch) -> Iterator[World]:
-    monkeypatch.setenv("BUSD_AUTOSTART", "0")
-    with World(tmp_path, forks, "robot") as world:
-        yield world
-
-
-def join(world: World, *arguments: str) -> tuple[Side, Bridge]:
-    side = world["robot"]
-    return side, side.bridge("ros2", "--domain-id", str(world.domain), *arguments)
-
-
-async def ros(world: World, distro: peer.Distro) -> Peer:
-    machine = world["robot"].machine
-    return await asyncio.to_thread(peer.ros, distro, "ros_node", machine, domain=world.domain)
-
-
-async def ask(one: Peer, order: str, **arguments: Any) -> Any:
-    """Does not block the nodes of this process."""
-    return await asyncio.to_thread(one.ask, order, **arguments)
 
 
 async def services_of(far: Peer, *names: str) -> dict[str, list[str]]:

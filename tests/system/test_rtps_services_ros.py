@@ -2,12 +2,13 @@
 
 import asyncio
 import time
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from typing import Any
 
 import msgspec
 import pytest
 
+from bridged_world import until
 from bus.schema import MessageSchema
 from bus.types.classes import service_class
 from bus_bridge.dds.service_identity import RequestId
@@ -69,13 +70,6 @@ async def _ros(distro: peer.Distro) -> peer.Peer:
 
 async def _ask(ros: peer.Peer, order: str, **arguments: Any) -> Any:
     return await asyncio.to_thread(ros.ask, order, **arguments)
-
-
-async def until(holds: Callable[[], object]) -> None:
-    end = time.monotonic() + WAIT_S
-    while not holds():
-        assert time.monotonic() < end
-        await asyncio.sleep(0.005)
 
 
 @DISTROS

@@ -40,7 +40,7 @@ _GATHER_NS = 100_000
 """A message that follows the last one within this time is gathered with others."""
 
 _HISTORY_NS = 10_000_000
-"""Interval of the runs for the history alone. Each wakes the broker, which nobody waits for."""
+"""Interval of the runs for the history alone. Each wakes the broker, and no subscription waits for it."""
 
 _GATHERED_BYTES = 4 * RUN_BYTES
 """Bytes of long samples that leave together. This saves a quarter of the CPU time of messages of 64 KiB."""

@@ -12,6 +12,7 @@ import msgspec
 from msgspec import Meta
 
 from bus.names import is_hidden_topic, request_topic, service_of_topic
+from bus.parameters.messages import SERVICES
 from bus.qos import MAX_DEPTH
 from bus.topic_patterns import compiled
 from bus_bridge.engine import Priority, RouteRule
@@ -25,16 +26,7 @@ _MOST_REMEMBERED = 10_000
 _PRIVATE = frozenset(("/rosout", "/parameter_events"))
 """Topics that each bus has. They only cross if a pattern is exactly the name."""
 _OF_ACTION = re.compile(r"(/.+)/_action/(?:feedback|status|send_goal|cancel_goal|get_result)")
-_PARAMETER_SERVICES = frozenset(
-    (
-        "describe_parameters",
-        "get_parameter_types",
-        "get_parameters",
-        "list_parameters",
-        "set_parameters",
-        "set_parameters_atomically",
-    )
-)
+_PARAMETER_SERVICES = frozenset(SERVICES.values())
 _WILD = frozenset("*?[")
 
 

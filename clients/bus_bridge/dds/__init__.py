@@ -5,7 +5,8 @@
        `cyclone.py`      cyclonedds: `participant.py`, `raw.py`, `idl.py`;  routes: `writing.py`, `reading.py`
                          (`early.py`: before a route);  nodes: `node_info.py`, `node_topic.py`
        `rtps_topics.py`  our RTPS
-    translations: `names.py`, `qos.py`, `known_types.py`
+                  both: `route_out.py`
+    translations: `names.py`, `qos.py`, `known_types.py`, `samples.py`
 
     services: the bridge's routes <-> `service_ways.py` <-> `service_calls.py` (`service_types.py`,
         `open_requests.py`) <-> `services.py` (`service_identity.py`, `turns.py`) <-> `bus_bridge.rtps`

@@ -65,6 +65,9 @@ class TopicWriter(Writer, Protocol):
 
     gid: bytes
 
+    def update(self) -> None:
+        """Update whether it is wanted: discovery has changed."""
+
 
 class TopicReader(Protocol):
     """A reader for a subscription of this bus."""
@@ -99,9 +102,9 @@ class Carrier(Protocol):
         known: KnownType,
         policies: Policies,
         on_change: Callable[[], None],
-        on_close: Callable[[bytes], object],
+        on_close: Callable[[TopicWriter], object],
     ) -> TopicWriter:
-        """Make a writer; `on_close` gets its gid at its end. Raises BridgeError."""
+        """Make a writer; `on_close` gets it at its end. Raises BridgeError."""
 
     def make_reader(self, endpoint: LocalEndpoint, known: KnownType, policies: Policies) -> TopicReader:
         """Make a reader. Raises BridgeError."""
@@ -115,10 +118,10 @@ class Carrier(Protocol):
         """Pass on the messages of a far publisher."""
 
     def update(self) -> None:
-        """Discovery has changed: update what depends on it."""
+        """Discovery has changed: update the routes in."""
 
     def leave(self) -> None:
-        """End everything; threads may still tell other participants."""
+        """End everything, after the writers; threads may still tell other participants."""
 
     def close(self) -> None:
         """End those threads. A second call has no effect."""

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 from bus_bridge.batch import Batch
-from bus_bridge.dds.carrier import Discovered, Listener, NodeTopic, TopicReader
+from bus_bridge.dds.carrier import Discovered, Listener, NodeTopic, TopicReader, TopicWriter
 from bus_bridge.dds.graph import NodeEntities
 from bus_bridge.dds.known_types import KnownType
 from bus_bridge.dds.names import ENCLAVE, topic_to_dds, user_data, user_data_of
@@ -37,7 +37,6 @@ class CycloneCarrier:
         # Its threads and sockets take some milliseconds, and no other task runs yet.
         self.participant = Participant(options, user_data({ENCLAVE: "/", **mark}))
         self._loop = asyncio.get_running_loop()
-        self._writers: set[DdsWriter] = set()
         self._scheduled: set[str] = set()
         self._builtin: dict[str, Any] = {}
         self._is_closed = False
@@ -67,24 +66,18 @@ class CycloneCarrier:
         known: KnownType,
         policies: Policies,
         on_change: Callable[[], None],
-        on_close: Callable[[bytes], object],
-    ) -> DdsWriter:
-        def closed(writer: DdsWriter) -> None:
-            self._writers.discard(writer)
-            on_close(writer.gid)
-
-        writer = DdsWriter(
+        on_close: Callable[[TopicWriter], object],
+    ) -> TopicWriter:
+        return DdsWriter(
             self.participant,
             topic_to_dds(endpoint.topic),
             known,
             policies,
             self._user_data(known),
             on_change,
+            on_close,
             is_far=self._listener.is_far,
-            on_close=closed,
         )
-        self._writers.add(writer)
-        return writer
 
     def make_reader(self, endpoint: LocalEndpoint, known: KnownType, policies: Policies) -> Intake:
         topic = topic_to_dds(endpoint.topic)
@@ -104,16 +97,12 @@ class CycloneCarrier:
         return way
 
     def update(self) -> None:
-        for writer in self._writers:
-            writer.update_matches()
         self.ways.keep_only(self._listener.is_mirrored)
 
     def leave(self) -> None:
         self._is_closed = True
         self._node_info.close()
         self.ways.close()
-        for writer in list(self._writers):
-            writer.close()
         self.participant.leave()
 
     def close(self) -> None:

@@ -14,7 +14,7 @@ from bus.names import service_of_topic
 from bus.qos import Liveliness
 from bus.schema import MessageSchema
 from bus_bridge.batch import Batch
-from bus_bridge.dds.carrier import Carrier, TopicReader
+from bus_bridge.dds.carrier import Carrier, TopicReader, TopicWriter
 from bus_bridge.dds.discovery import Discovery
 from bus_bridge.dds.graph import DomainGraph, NodeEntities
 from bus_bridge.dds.interfaces import LOOPBACK, address_of, check_interface
@@ -66,6 +66,7 @@ class DdsEngine:
         self.has_numbers = options.carrier_used == "rtps"
         self._mark = {MARK: bus}
         self._nodes: dict[int, _Node] = {}
+        self._writers: set[TopicWriter] = set()
         self._subscriptions: set[_Subscription] = set()
         self._carrier: Carrier | None = None
         self._left: Carrier | None = None
@@ -129,8 +130,9 @@ class DdsEngine:
             known,
             of_publisher(endpoint.qos, rule.depth or known.depth),
             on_change,
-            lambda gid: self._writer_closed(gid, endpoint.node),
+            lambda writer: self._writer_closed(writer, endpoint.node),
         )
+        self._writers.add(writer)
         self._node_of(endpoint.node).writers[writer.gid] = None
         self._say_nodes()
         return writer
@@ -205,9 +207,10 @@ class DdsEngine:
         if self._carrier is not None:
             self._carrier.retire_reader(reader)
 
-    def _writer_closed(self, gid: bytes, node: LocalNode) -> None:
+    def _writer_closed(self, writer: TopicWriter, node: LocalNode) -> None:
+        self._writers.discard(writer)
         if (known := self._nodes.get(node.id)) is not None:
-            known.writers.pop(gid, None)
+            known.writers.pop(writer.gid, None)
         self._say_nodes()
 
     def _withdraw_subscription(self, subscription: "_Subscription") -> None:
@@ -221,6 +224,8 @@ class DdsEngine:
         if carrier is not None:
             self._left = carrier
             self._discovery.close()
+            for writer in list(self._writers):
+                writer.close()
             self._subscriptions.clear()
             self._service_ways.close()
             self._services.close()
@@ -233,6 +238,8 @@ class DdsEngine:
         return self._carrier
 
     def _discovered(self) -> None:
+        for writer in list(self._writers):
+            writer.update()
         if self._carrier is not None:
             self._carrier.update()
         for subscription in self._subscriptions:
@@ -263,7 +270,7 @@ class DdsEngine:
             try:
                 found = await asyncio.get_running_loop().getaddrinfo(peer, None, family=socket.AF_INET)
             except OSError as error:
-                self._far.warn(f"services of ROS 2 on {peer} are not reached: {error.strerror}")
+                self._far.warn(f"the RTPS of busd does not reach {peer}: {error.strerror}")
             else:
                 peers.append(str(found[0][4][0]))
         if options.interface:

@@ -47,20 +47,14 @@ def check_interface(interface: str) -> None:
             + ", ".join(sorted(names))
         )
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        request = _request(interface)
-        flags = struct.unpack_from("H", fcntl.ioctl(probe, _GET_FLAGS, request), 16)[0]
+        flags = struct.unpack_from("H", fcntl.ioctl(probe, _GET_FLAGS, _request(interface)), 16)[0]
         if not flags & _IS_UP:
             raise BridgeError(f"--interface {interface}: that network interface is down")
-        try:
-            fcntl.ioctl(probe, _GET_ADDRESS, request)
-        except OSError:
-            raise BridgeError(
-                f"--interface {interface}: that network interface has no IPv4 address"
-            ) from None
+    address_of(interface)
 
 
 def address_of(interface: str) -> str:
-    """The IPv4 address of an interface that `check_interface` has checked. Raises BridgeError without one."""
+    """The IPv4 address of an interface, by name or address. Raises BridgeError without one."""
     if is_address(interface):
         if ":" in interface:
             raise BridgeError(f"--interface {interface}: services of ROS 2 need an IPv4 address")

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any, Final
 
-from bus_bridge.dds import raw
+from bus_bridge.dds import raw, samples
 from bus_bridge.dds.graph import GID_SIZE, NodeEntities, encode
 from bus_bridge.dds.names import GRAPH_TOPIC, GRAPH_TYPE_HASH, type_to_dds, user_data
 from bus_bridge.dds.participant import Endpoint, Participant
@@ -77,7 +77,7 @@ class NodeWriter:
         self._due = None
         data = encode(self._topic.participant.guid, self._nodes(), self.size)
         if data != self._said:
-            raw.writer_of(self._endpoint.entity)(data.ljust(-(-len(data) // 4) * 4, b"\0"), time.time_ns())
+            raw.writer_of(self._endpoint.entity)(samples.padded(data), time.time_ns())
             self._said = data
 
 

@@ -15,8 +15,8 @@ from typing import Final
 
 from bus.vocabulary import DropReason
 from bus_bridge.batch import Batch, Loose, Sample
-from bus_bridge.dds import qos
-from bus_bridge.dds.carrier import Discovered, Listener, NodeTopic, TopicReader
+from bus_bridge.dds import qos, samples
+from bus_bridge.dds.carrier import Discovered, Listener, NodeTopic, TopicReader, TopicWriter
 from bus_bridge.dds.early import Early
 from bus_bridge.dds.graph import GID_SIZE, HUMBLE_GID_SIZE, NodeEntities, decode, encode
 from bus_bridge.dds.known_types import KnownType
@@ -31,6 +31,7 @@ from bus_bridge.dds.names import (
     user_data,
     user_data_of,
 )
+from bus_bridge.dds.route_out import RouteOut
 from bus_bridge.engine import FarEndpoint, LocalEndpoint, Reader
 from bus_bridge.rtps.announcements import EndpointData, ParticipantData, Policies
 from bus_bridge.rtps.ids import PARTICIPANT, PREFIX_BYTES
@@ -44,8 +45,6 @@ __all__ = ["RtpsCarrier"]
 _KEPT_BYTES: Final = 64 << 20
 _LOSSLESS: Final = 10_000
 """Messages of a lossless publisher that far readers have not acknowledged. Above that, it waits."""
-_FIRST_PAUSE_S: Final = 0.001
-_LONGEST_PAUSE_S: Final = 0.02
 _LOOK_S: Final = 0.005
 _EARLY_BYTES: Final = 8 << 20
 _EARLY_BYTES_OF_ALL: Final = 64 << 20
@@ -72,7 +71,6 @@ class RtpsCarrier:
         self._listener: Listener | None = None
         self._warn: Callable[[str], None] = lambda text: None
         self._is_due = False
-        self._writers: set[_Writer] = set()
         self._readers: defaultdict[str, list[_Reader]] = defaultdict(list)
         """Our readers by topic."""
         self._routes: dict[bytes, _Route] = {}
@@ -105,15 +103,10 @@ class RtpsCarrier:
         known: KnownType,
         policies: qos.Policies,
         on_change: Callable[[], None],
-        on_close: Callable[[bytes], object],
-    ) -> "_Writer":
-        def closed(writer: _Writer) -> None:
-            self._writers.discard(writer)
-            on_close(writer.gid)
-
+        on_close: Callable[[TopicWriter], object],
+    ) -> TopicWriter:
         topic, data = topic_to_dds(endpoint.topic), self._data(known)
-        writer = _Writer(self.participant, topic, known, policies, data, on_change, closed)
-        self._writers.add(writer)
+        writer = _Writer(self.participant, topic, known, policies, data, on_change, on_close)
         self._loop.call_soon(writer.update)
         return writer
 
@@ -150,8 +143,6 @@ class RtpsCarrier:
         return route
 
     def update(self) -> None:
-        for writer in list(self._writers):
-            writer.update()
         for topic in list(self._readers):
             self.choose(topic)
         listener = self._listener
@@ -161,8 +152,6 @@ class RtpsCarrier:
 
     def leave(self) -> None:
         self._nodes.close()
-        for writer in list(self._writers):
-            writer.close()
         self.participant.close()
 
     def close(self) -> None:
@@ -262,7 +251,7 @@ class RtpsCarrier:
         return user_data({"typehash": known.codec.type_hash, **self._mark})
 
 
-class _Writer:
+class _Writer(RouteOut):
     """The route out of a publisher."""
 
     def __init__(
@@ -273,20 +262,12 @@ class _Writer:
         policies: qos.Policies,
         data: bytes,
         on_change: Callable[[], None],
-        on_close: Callable[["_Writer"], None],
+        on_close: Callable[[RouteOut], object],
     ) -> None:
-        self.is_wanted = False
+        super().__init__(known, on_change, on_close)
         self._participant = participant
-        self._encode = known.codec.encode
-        self._on_change = on_change
-        self._on_close = on_close
-        self._lost: dict[str, int] = {}
-        self._last = 0
         self._most = _LOSSLESS if policies.keep_all else 0
-        self._pause_s = _FIRST_PAUSE_S
-        self._timer: asyncio.TimerHandle | None = None
         self._match_timer: asyncio.TimerHandle | None = None
-        self._is_closed = False
         changes = _LOSSLESS + 1 if policies.keep_all else policies.depth
         self._local = participant.add_writer(
             topic,
@@ -302,74 +283,33 @@ class _Writer:
     @property
     def lost(self) -> dict[str, int]:
         if not self._writer.lost:
-            return self._lost
-        return {**self._lost, DropReason.REPLACED: self._writer.lost}
+            return self._losses
+        return {**self._losses, DropReason.REPLACED: self._writer.lost}
 
-    @property
-    def _is_full(self) -> bool:
-        """Whether a lossless publisher has to wait."""
-        kept = self._writer
-        return self._most > 0 and (kept.kept >= self._most or kept.kept_bytes >= _KEPT_BYTES // 2)
-
-    def update(self) -> None:
-        """Update whether a far reader is matched, after a possible change."""
-        readers = [] if self._is_closed else self._local.matched
-        is_wanted = any(map(self._writer.is_known_to, readers))
-        if readers and not is_wanted:
-            self._look_again()
-        if is_wanted != self.is_wanted:
-            self.is_wanted = is_wanted
-            self._on_change()
+    def _has_reader(self) -> bool:
+        readers = self._local.matched
+        has_one = any(map(self._writer.is_known_to, readers))
+        if readers and not has_one and self._match_timer is None:
+            # RTPS gives no news of the first acknowledgment. It comes within milliseconds of the match. A
+            # message before it could be replaced before it has arrived.
+            self._match_timer = self._loop.call_later(_LOOK_S, self._look_again)
+        return has_one
 
     def _look_again(self) -> None:
-        # RTPS gives no news of the first acknowledgment. It comes within milliseconds of the match. A message
-        # before it could be replaced before it has arrived.
-        if self._match_timer is None:
-            self._match_timer = self._participant.loop.call_later(_LOOK_S, self._looked)
-
-    def _looked(self) -> None:
         self._match_timer = None
         self.update()
 
-    def write(self, batch: Batch) -> int:
-        if self._is_closed:
-            return batch.count
-        for gone, (payload, number, time_ns) in enumerate(batch):
-            if 0 < number <= self._last:
-                continue  # the history for late joiners has it already
-            if self._is_full:
-                self._wait_for_room()
-                return gone
-            try:
-                parts = self._encode(payload)
-            except CdrError:
-                self._lost[DropReason.UNDECODABLE] = self._lost.get(DropReason.UNDECODABLE, 0) + 1
-                continue
-            padding = -sum(map(len, parts)) % 4
-            self._participant.write(self._local, b"".join([*parts, bytes(padding)]), time_ns=time_ns)
-            self._last = number
-        self._pause_s = _FIRST_PAUSE_S
-        return batch.count
+    def _send(self, cdr: bytes, time_ns: int) -> bool:
+        kept = self._writer
+        if self._most and (kept.kept >= self._most or kept.kept_bytes >= _KEPT_BYTES // 2):
+            return False  # a lossless publisher waits
+        self._participant.write(self._local, cdr, time_ns=time_ns)
+        return True
 
-    def close(self) -> None:
-        if not self._is_closed:
-            self._is_closed = True
-            self.is_wanted = False
-            for timer in (self._timer, self._match_timer):
-                if timer is not None:
-                    timer.cancel()
-            self._participant.remove(self._local)
-            self._on_close(self)
-
-    def _wait_for_room(self) -> None:
-        # RTPS gives no news of acknowledgments. So poll, with growing pauses.
-        if self._timer is None:
-            self._timer = self._participant.loop.call_later(self._pause_s, self._try_again)
-            self._pause_s = min(2 * self._pause_s, _LONGEST_PAUSE_S)
-
-    def _try_again(self) -> None:
-        self._timer = None
-        self._on_change()
+    def _end(self) -> None:
+        if self._match_timer is not None:
+            self._match_timer.cancel()
+        self._participant.remove(self._local)
 
 
 class _Reader:
@@ -496,7 +436,7 @@ class _Nodes:
         self._due = None
         data = encode(self._participant.prefix + PARTICIPANT, self._nodes())
         if data != self._said:
-            self._participant.write(self._writer, data + bytes(-len(data) % 4))
+            self._participant.write(self._writer, samples.padded(data))
             self._said = data
 
     def _arrived(self, one: Arrived) -> None:

@@ -25,8 +25,8 @@ Publish = Callable[[bytes, bytes], object]
 
 _MOST_TASKS: Final = 1000
 _FEEDBACK_FIRST_S: Final = 0.02
-"""By this time the result of a goal is sent later. The last feedback goes by cyclonedds, and must not come
-after it: then the client would drop it."""
+"""The delay of a goal's result. The last feedback goes by the carrier of topics. If it came after the result,
+the client would drop it."""
 _PATIENCE_S: Final = 10.0
 """How long a call waits for a server that has just come, or comes back."""
 

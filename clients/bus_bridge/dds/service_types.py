@@ -13,6 +13,7 @@ from bus.errors import BusError, ConfigurationError
 from bus.schema import MessageSchema, schema_of
 from bus.types.classes import service_class
 from bus.types.service import GID_BYTES, message_of, service_support
+from bus_bridge.dds import samples
 from bus_bridge.errors import BridgeError
 from bus_ros.cdr import CdrError, Codec, codec_of
 
@@ -172,11 +173,9 @@ def _codec_in(envelope: MessageSchema) -> Codec:
 
 def _encoded(codec: Codec, body: bytes) -> bytes:
     try:
-        parts = codec.encode(body)
+        return samples.encode(codec, body)
     except CdrError as error:
         raise BridgeError(str(error)) from None
-    size = sum(map(len, parts))
-    return b"".join([*parts, bytes(-size % 4)])
 
 
 def _decoded(codec: Codec, cdr: bytes) -> bytes:

@@ -67,7 +67,7 @@ class ServiceWays:
         self, endpoint: LocalEndpoint, schema: MessageSchema, on_change: Callable[[], None]
     ) -> Writer:
         """As `Engine.announce_publisher`, for a topic of requests or replies."""
-        end = self._end_without(endpoint, "publisher")
+        end = self._end_without(endpoint)
         end.publisher = writer = _Writer(end, schema, on_change)
         try:
             self._complete(end)
@@ -78,7 +78,7 @@ class ServiceWays:
 
     def announce_subscription(self, endpoint: LocalEndpoint, schema: MessageSchema) -> Callable[[], None]:
         """As `Engine.announce_subscription`, for a topic of requests or replies."""
-        end = self._end_without(endpoint, "subscription")
+        end = self._end_without(endpoint)
         end.subscription = subscription = _Subscription(end, schema)
         try:
             self._complete(end)
@@ -135,15 +135,15 @@ class ServiceWays:
 
     # --- inside
 
-    def _end_without(self, endpoint: LocalEndpoint, part: str) -> "_End":
-        """The first end of that node and service without this part, or a new one."""
+    def _end_without(self, endpoint: LocalEndpoint) -> "_End":
+        """The first end of that node and service without an endpoint of this kind, or a new one."""
         service = service_of_topic(endpoint.topic)
         assert service is not None
         is_of_requests = endpoint.topic == request_topic(service)
         key = _Key(endpoint.node.id, service, is_of_requests is (endpoint.kind == "subscription"))
         ends = self._ends.setdefault(key, [])
         for end in ends:
-            if getattr(end, part) is None:
+            if getattr(end, endpoint.kind) is None:
                 return end
         ends.append(_End(self, key, endpoint.node))
         return ends[-1]
@@ -215,7 +215,7 @@ class _End:
         return halves == {(True, False), (False, True)}
 
     def take_over(self, other: "_End") -> None:
-        """Take the only endpoint of another end: it was announced with one that has gone."""
+        """Take the only endpoint of another end. The endpoint that it was announced with has gone."""
         if other.publisher is not None:
             self.publisher, other.publisher = other.publisher, None
             self.publisher.move_to(self)

@@ -62,7 +62,7 @@ class Turns:
         self._settle()
 
     def ended(self, number: int) -> None:
-        """The call with this number has ended in any way. Further calls of this have no effect."""
+        """The call with this number has ended in any way. A second call has no effect."""
         self._queued.pop(number, None)
         self._settle()
 

@@ -1,12 +1,11 @@
 """Calls between the bus and ROS 2, over two participants of ours: each ends once."""
 
-import asyncio
-import time
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from typing import Any
 
 import pytest
 
+from bridged_world import until
 from bus.srv.example_interfaces import AddTwoInts
 from bus.types.service import Reply, service_support
 from bus_bridge.dds import open_requests, service_calls
@@ -15,20 +14,12 @@ from bus_bridge.dds.service_calls import CallsFromRos, CallsToRos
 from bus_bridge.dds.service_identity import RequestId
 from bus_bridge.dds.service_types import ServiceTypes
 from bus_bridge.dds.services import Services
-from conftest import WAIT_S
 from ports import own_domain
 
 DOMAIN = own_domain()
 ADD = ServiceTypes.find("example_interfaces/srv/AddTwoInts")
 SUPPORT = service_support(AddTwoInts)
 CLIENT = b"c" * 16
-
-
-async def until(holds: Callable[[], object]) -> None:
-    end = time.monotonic() + WAIT_S
-    while not holds():
-        assert time.monotonic() < end
-        await asyncio.sleep(0.005)
 
 
 class World:

@@ -1,12 +1,11 @@
 """bus_bridge.dds.service_ways: ends of services in ROS 2, and the routes of their messages."""
 
-import asyncio
-import time
 from collections.abc import AsyncIterator, Callable
 from typing import Any, Literal
 
 import pytest
 
+from bridged_world import until
 from bus.names import reply_topic, request_topic
 from bus.qos import QoSProfile
 from bus.srv.example_interfaces import AddTwoInts
@@ -17,7 +16,6 @@ from bus_bridge.dds.service_ways import ServiceWays
 from bus_bridge.dds.services import Services
 from bus_bridge.engine import EndpointKind, FarEndpoint, LocalEndpoint, LocalNode, Writer
 from bus_bridge.errors import BridgeError
-from conftest import WAIT_S
 from ports import own_domain
 
 DOMAIN = own_domain()
@@ -27,13 +25,6 @@ SUPPORT = service_support(AddTwoInts)
 CLIENT = b"c" * 16
 NODE = LocalNode(1, "node", "/")
 Topic = Literal["requests", "replies"]
-
-
-async def until(holds: Callable[[], object]) -> None:
-    end = time.monotonic() + WAIT_S
-    while not holds():
-        assert time.monotonic() < end
-        await asyncio.sleep(0.005)
 
 
 def name_of(topic: Topic) -> str:

@@ -1,11 +1,11 @@
 """Services over RTPS, between two participants of ours on loopback."""
 
 import asyncio
-import time
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 
 import pytest
 
+from bridged_world import until
 from bus_bridge.dds import turns
 from bus_bridge.dds.service_identity import RequestId
 from bus_bridge.dds.services import NoServer, Response, ServiceClient, Services, ServiceServer
@@ -52,13 +52,6 @@ class World:
         task = asyncio.create_task(self.client.call(CDR + b"held"))
         await asyncio.wait_for(self.arrived.wait(), WAIT_S)
         return task
-
-
-async def until(holds: Callable[[], object]) -> None:
-    end = time.monotonic() + WAIT_S
-    while not holds():
-        assert time.monotonic() < end
-        await asyncio.sleep(0.005)
 
 
 @pytest.fixture
