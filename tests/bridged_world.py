@@ -92,6 +92,7 @@ class Bridge:
         prefix = self.side.machine.prefix if self.side.machine else ()
         command = (*prefix, sys.executable, "-m", "bus_cli", "bridge", self.engine, *self.arguments)
         with self.log.open("ab") as log:
+            self._silent_bytes = log.tell()
             return subprocess.Popen(
                 [*command, "--socket", str(self.side.path)],
                 stdin=subprocess.DEVNULL,
@@ -133,6 +134,7 @@ class Bridge:
         """End it in any state; returns its log."""
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGCONT)
+            self._wait_for_first_line()
             self.process.send_signal(signal.SIGINT)
             try:
                 self.process.wait(WAIT_S / 2)
@@ -140,6 +142,14 @@ class Bridge:
                 self.kill()
                 return f"it did not end after Ctrl-C\n{self.log.read_text()}"
         return self.log.read_text()
+
+    def _wait_for_first_line(self) -> None:
+        """Wait until it logs, or ends: a Ctrl-C while Python starts prints a traceback of Python's own."""
+        end = time.monotonic() + WAIT_S / 2
+        while self.log.stat().st_size <= self._silent_bytes and self.process.poll() is None:
+            if time.monotonic() > end:
+                return
+            time.sleep(0.005)
 
     def status(self) -> dict[str, Any]:
         """Its status from `bus bridge status --json`. Raises AssertionError if there is none."""

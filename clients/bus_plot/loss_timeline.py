@@ -85,7 +85,7 @@ class LossTimeline:
             self._put(tier, first + place, part)
 
     def add_earlier(self, lost: Mapping[str, int]) -> None:
-        """Add messages lost before the first look: nobody knows when."""
+        """Add messages lost before the first look: the time is not known."""
         self.total += sum(lost.values())
         _add(self.earlier, lost)
 

@@ -127,7 +127,7 @@ class Counters:
 
 
 def _note_losses(timeline: LossTimeline, lost: Mapping[str, int], since_ns: int, now_ns: int) -> None:
-    """Add losses to a timeline; `since_ns` of 0: nobody knows when they began."""
+    """Add losses to a timeline; `since_ns` of 0: their begin is not known."""
     if since_ns:
         timeline.add(since_ns / _NS, now_ns / _NS, lost)
     else:

@@ -3,6 +3,7 @@
 import os
 import sys
 from argparse import ArgumentParser, Namespace
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +11,9 @@ from bus_cli.bag.reading import add_bag_argument, opened
 from bus_cli.output import CommandError, print_json, say
 
 if TYPE_CHECKING:
+    from bus_bag.losses import TopicLosses
     from bus_bag.storage import BagReader
+    from bus_plot.strips import Strip
 
 _CELLS = 80
 """Width of the bars if the output is not a terminal."""
@@ -67,16 +70,13 @@ def main(args: Namespace) -> int:
 
 def _plot(reader: "BagReader") -> None:
     """Print when messages were lost."""
-    from bus_bag.info import find_losses, strips, time_of_day
+    from bus_bag.info import find_losses, time_of_day
     from bus_plot.strips import strips_text
 
     if not (known := find_losses(reader)):
         say("\nNo record of losses: this bag is of another recorder.")
         return
-    try:
-        found = strips(known)
-    except ValueError as error:
-        raise CommandError(f"the record of losses is broken: {error}") from None
+    found = _strips(known)
     if not found:
         say("\nNothing was lost.")
         return
@@ -89,19 +89,26 @@ def _plot(reader: "BagReader") -> None:
 
 def _draw(reader: "BagReader", path: Path) -> None:
     """Write the picture. Raises CommandError if there is nothing to draw, or the file can't be written."""
-    from bus_bag.info import find_losses, strips, time_of_day
+    from bus_bag.info import find_losses, time_of_day
     from bus_plot.strips import strips_svg
 
-    try:
-        found = strips(find_losses(reader))
-    except ValueError as error:
-        raise CommandError(f"the record of losses is broken: {error}") from None
+    found = _strips(find_losses(reader))
     begin_s, end_s = _span(reader)
     title = f"Lost messages of {reader.path.name}" if found else f"{reader.path.name}: nothing was lost"
     try:
         path.write_text(strips_svg(found, begin_s, end_s, title, time_of_day), encoding="utf-8")
     except OSError as error:
         raise CommandError(f"can't write {path}: {error.strerror}") from None
+
+
+def _strips(known: "Mapping[str, TopicLosses]") -> "list[Strip]":
+    """The losses of topics over time. Raises CommandError if the record is broken."""
+    from bus_bag.info import strips
+
+    try:
+        return strips(known)
+    except ValueError as error:
+        raise CommandError(f"the record of losses is broken: {error}") from None
 
 
 def _span(reader: "BagReader") -> tuple[float, float]:

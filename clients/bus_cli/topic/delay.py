@@ -69,18 +69,18 @@ def _print(topic: str, delays: Delays, args: Namespace) -> None:
     say(f"average delay: {mean:.3f}")
     say(f"\tmin: {least:.3f}s max: {most:.3f}s std dev: {deviation:.5f}s window: {found.window}")
     if args.histogram:
-        half, most_of_all, counts = delays.histogram()
-        say(f"\tp50: {half * _NS:.6f}s p99: {most_of_all * _NS:.6f}s")
+        half, high, counts = delays.histogram()
+        say(f"\tp50: {half * _NS:.6f}s p99: {high * _NS:.6f}s")
         for line in lines(counts):
             say(f"\t{line}")
 
 
 def _histogram_record(delays: Delays) -> dict[str, Any]:
     """`histogram` lists only parts with a delay: their bounds in seconds and the number."""
-    half, most_of_all, counts = delays.histogram()
+    half, high, counts = delays.histogram()
     parts = [(*bounds(part), count) for part, count in enumerate(counts) if count]
     return {
         "p50_s": half * _NS,
-        "p99_s": most_of_all * _NS,
+        "p99_s": high * _NS,
         "histogram": [[begin * _NS, end * _NS, count] for begin, end, count in parts],
     }

@@ -25,7 +25,7 @@ _HEAD_BYTES = 16
 
 @lru_cache
 def _support(schema: MessageSchema) -> TypeSupport[Any] | None:
-    """None if nobody knows the type."""
+    """None if the type is not known."""
     try:
         if schema.encoded != NOTHING:
             return type_support(schema.to_class())
