@@ -91,23 +91,29 @@ class Hub:
             self._changed.clear()
             began_s = loop.time()
             try:
-                async with asyncio.timeout(_ANSWER_S):
-                    graph = await self.node.graph(statistics=True)
+                await self._poll()
             except (BusError, TimeoutError) as error:
                 self._lose(str(error) or "busd does not answer")
-            else:
-                self.is_lost = False
-                is_new = self.model.take(graph, monotonic_ns())
-                if is_new:
-                    self.subscriptions.follow(graph)
-                self._show(is_new=is_new)
-                if await self._descriptions.ask():
-                    self.model.forget_pairs()
-                    self._show(is_new=True)
+            except Exception as error:  # the polls must not end in silence: no page would show a topic
+                if not self.is_lost:
+                    loop.call_exception_handler({"message": "a poll of the graph failed", "exception": error})
+                self._lose(f"bus web can't read the graph: {type(error).__name__}: {error}")
             await asyncio.sleep(_REST_S)
             with suppress(TimeoutError):
                 async with asyncio.timeout_at(began_s + _LOOK_S):
                     await self._changed.wait()
+
+    async def _poll(self) -> None:
+        async with asyncio.timeout(_ANSWER_S):
+            graph = await self.node.graph(statistics=True)
+        is_new = self.model.take(graph, monotonic_ns())
+        if is_new:
+            self.subscriptions.follow(graph)
+        self.is_lost = False
+        self._show(is_new=is_new)
+        if await self._descriptions.ask():
+            self.model.forget_pairs()
+            self._show(is_new=True)
 
     def _lose(self, text: str) -> None:
         if not self.is_lost:

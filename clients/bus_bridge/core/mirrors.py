@@ -235,9 +235,9 @@ class Mirrors:
         unready: set[str] = set()
         if kind == "publisher":
             unready = {
-                one.node.far.key
-                for one in self._endpoints.values()
-                if not one.is_publisher and not one.is_open and not one.retry.failures
+                far.node.key
+                for gid, far in self._far.endpoints.items()
+                if far.far.kind == "subscription" and self._is_due_first(gid, far)
             }
         for gid, far in self._far.endpoints.items():
             if far.far.kind != kind:
@@ -261,6 +261,14 @@ class Mirrors:
             if schema is not None and far.node.key not in unready:
                 found.append((mirror, schema))
         return found
+
+    def _is_due_first(self, gid: bytes, far: Mirrored) -> bool:
+        """Whether a subscription must have a mirror before the publishers of its node.
+
+        It may have come since the mirrors of subscriptions were made in this pass.
+        """
+        mirror = self._endpoints.get(gid)
+        return mirror is None or mirror.far is not far or not (mirror.is_open or mirror.retry.failures)
 
     def _arm(self) -> None:
         """Set the timer for the next retry, or for the end of a mirror that stays for a while."""

@@ -1,5 +1,6 @@
 """The bus as all clients of one server see it."""
 
+import asyncio
 from collections.abc import AsyncIterator
 from unittest.mock import Mock
 
@@ -61,6 +62,25 @@ async def test_busd_goes_and_comes_back(monkeypatch: pytest.MonkeyPatch) -> None
         await until(lambda: not world.hub.is_lost)
     assert seen.told.count("busd has ended") == 1, "it is said once"
     assert seen.told[-1] == "same"
+    await world.close()
+
+
+async def test_a_poll_that_fails_is_reported_once_and_repeated(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("_LOOK_S", "_REST_S"):
+        monkeypatch.setattr(module, name, 0.001)
+    world, seen, reported = WebWorld(), Seen(), Mock()
+    world.look()
+    asyncio.get_running_loop().set_exception_handler(reported)
+    async with world.hub.watching(seen):
+        await until(lambda: seen.told)
+        with monkeypatch.context() as broken:
+            take = Mock(side_effect=KeyError("gid"))
+            broken.setattr(world.hub.model, "take", take)
+            await until(lambda: take.call_count > 3)
+        await until(lambda: not world.hub.is_lost)
+    assert seen.told.count("bus web can't read the graph: KeyError: 'gid'") == 1
+    assert seen.told[-1] in {"same", "new"}
+    assert reported.call_count == 1
     await world.close()
 
 
