@@ -4,7 +4,8 @@ Bridges and busds are killed and come back, bridges hang, and the cable is pulle
 together, under streams in both directions. Invariants:
 
 - No message comes twice or out of order: always.
-- After the last fault everything flows again within five seconds.
+- After the last fault everything flows again within five seconds, calls and goals, too.
+- Each call and each goal ends with its answer or with an error, and is carried out once at most.
 - In a round without kills no counter is lost with its process. Then every missing message has been counted,
   by the subscription or by one of the bridges.
 """
@@ -30,6 +31,7 @@ import bus
 import netns
 from bridged_world import Bridge, Stream, World
 from bus.runner import loop_factory
+from chaos.calls import Calls, Doubled, goals, services
 from conftest import SOON_S
 
 QUALITIES = {
@@ -81,11 +83,12 @@ def plan(chance: random.Random, kills: int) -> Iterator[list[Deed]]:
 
 
 class Storms:
-    """The streams, and the faults on their way."""
+    """The streams and calls, and the faults on their way."""
 
-    def __init__(self, world: World, streams: dict[str, Stream]) -> None:
+    def __init__(self, world: World, streams: dict[str, Stream], calls: list[Calls]) -> None:
         self._world = world
         self._streams = streams
+        self._calls = calls
         self.done: Counter[str] = Counter()
         self.back_s: list[float] = []
         self.missing: Counter[str] = Counter()
@@ -98,6 +101,7 @@ class Storms:
         for name, stream in self._streams.items():
             heard, missing = len(stream.heard), self.missing[name]
             yield f"{name}: {stream.sent} said, {heard} heard, {missing} missing on the way"
+        yield from map(str, self._calls)
 
     async def round(self, deeds: list[Deed]) -> None:
         """Make the faults, and check the invariants. Raises Broken."""
@@ -114,6 +118,11 @@ class Storms:
         took_s = await asyncio.gather(*(self._flows(stream) for stream in self._streams.values()))
         self.back_s.append(max(took_s))
         self.done.update(deed.what for deed in deeds)
+        try:
+            await asyncio.gather(*(calls.flows() for calls in self._calls))
+            await asyncio.gather(*(calls.settle() for calls in self._calls))
+        except (AssertionError, Doubled) as error:
+            raise Broken(str(error)) from None
         for name, stream in self._streams.items():
             heard = stream.heard[max(0, marks[name] - 1) :]
             for one, other in pairwise(heard):
@@ -194,6 +203,7 @@ async def storm(world: World, kills: int, chance: random.Random, tell: Callable[
     sides = {"there": ("robot", "laptop"), "back": ("laptop", "robot")}
     async with AsyncExitStack() as stack:
         streams: dict[str, Stream] = {}
+        calls: list[Calls] = []
         for way, names in sides.items():
             talker, listener = [
                 await stack.enter_async_context(world[name].node(f"{way}_{name}")) for name in names
@@ -202,9 +212,13 @@ async def storm(world: World, kills: int, chance: random.Random, tell: Callable[
                 streams[f"{way} {quality}"] = await stack.enter_async_context(
                     Stream.open(f"/{way}/{quality}", talker, listener, profile, hz=_HZ)
                 )
+            for kind in (services, goals):
+                calls.append(
+                    await stack.enter_async_context(kind(f"/{way}/{kind.__name__}", talker, listener))
+                )
         for stream in streams.values():
             await stream.flows()
-        storms = Storms(world, streams)
+        storms = Storms(world, streams, calls)
         for number, deeds in enumerate(plan(chance, kills), 1):
             tell(f"round {number}: {', '.join(f'{one.what} {one.who} {one.away_s:.1f} s' for one in deeds)}")
             await storms.round(deeds)
