@@ -14,7 +14,7 @@ from bus.msg import Message, string
 from bus.service import client as client_module
 from bus.srv.example_interfaces import AddTwoInts
 from bus.srv.std_srvs import Trigger
-from conftest import Daemon
+from conftest import SOON_S, Daemon
 from programs import Program, running
 from semantics import node, until
 
@@ -395,6 +395,21 @@ class TestLostWithBusd:
         for at, one in enumerate(held):
             service.respond(one, AddTwoInts.Response(sum=at))
         assert ((await call).sum, (await second).sum) == (0, 1)
+
+    async def test_a_server_that_leaves_after_a_call_from_the_time_without_busd(
+        self, ends: Any, daemon: Daemon
+    ) -> None:
+        service, client, held = ends
+        daemon.kill()
+        await until(lambda: client.statistics().servers == 0)
+        call = asyncio.ensure_future(client.call(asked(1)))
+        daemon.restart()
+        await until(lambda: held)
+        await until(lambda: not any(one.is_doubtful for one in client._calls.values()))
+        await service.close()
+        with pytest.raises(bus.ServiceUnavailable, match="it has left before it answered"):
+            async with asyncio.timeout(SOON_S):
+                await call
 
     async def test_a_server_that_ends_with_it(
         self, other: bus.Node, daemon: Daemon, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -313,6 +313,7 @@ class ServiceClient(ServiceBase):
             if call.is_doubtful and call.asked <= self._servers:
                 question = self._support.encode_question(self._gid, number)
                 call.is_doubtful = not self._requests.publish_encoded(question)
+                call.asked = self._servers  # a call from the time without busd was for unknown servers
 
     def _give_up_absent(self) -> None:
         """Fail calls whose server is not back by now."""
