@@ -88,7 +88,7 @@ compiled: $(TOOLS)
 	fi
 
 # Each part runs also where another has failed; the last lines say which have.
-NIGHTLY = test-nightly test-uptime test-nohup native sanitize arm wheels mutants chaos chaos-bridges fuzz soak
+NIGHTLY = test-nightly test-uptime test-nohup native sanitize arm wheels mutants chaos chaos-bridges chaos-ros2 fuzz soak
 nightly: $(TOOLS) ## all that is slow: every test and combination, sanitizers, mutants, chaos, fuzz, soak
 	@$(MAKE) --no-print-directory --keep-going --jobs 1 $(NIGHTLY)
 
@@ -201,6 +201,9 @@ chaos: $(TOOLS) ## kill, stop, cut off and starve the processes of a bus, and se
 chaos-bridges: $(TOOLS) ## the same of two buses and what joins them: bridges, busds and a cable (KILLS=200 SEED=7)
 	@PYTHONPATH=tests $(BIN)/python -m chaos.bridges --kills $(or $(KILLS),200) $(if $(SEED),--seed $(SEED))
 
+chaos-ros2: $(TOOLS) ## the same of calls between a bus and a node of rclpy, which `make peers` installs (KILLS=50 SEED=7)
+	@PYTHONPATH=tests $(BIN)/python -m chaos.ros2 --kills $(or $(KILLS),50) $(if $(SEED),--seed $(SEED))
+
 soak: $(SOAK_STAMP) ## a steady load: memory and descriptors flat, latency over time (MINUTES=30)
 	$(BIN)/python -m benchmarks.soak --minutes $(or $(MINUTES),30)
 
@@ -261,4 +264,4 @@ clean: ## remove what the other targets made
 	rm -rf $(VENV) $(PEERS:%=.venv-%) build dist tests/native/build benchmarks/floors/build clients/bus/shm/*.so clients/bus_tf2/core/*.so *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis .fuzz .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
-.PHONY: help setup demo robot docs test compiled nightly test-nightly test-uptime test-nohup mutants native arm lint sanitize differential fuzz api messages vendor axe foxglove fmt bench-quick bench peers chaos chaos-bridges soak bench-compare bench-report wheels test-pythons release-check clean
+.PHONY: help setup demo robot docs test compiled nightly test-nightly test-uptime test-nohup mutants native arm lint sanitize differential fuzz api messages vendor axe foxglove fmt bench-quick bench peers chaos chaos-bridges chaos-ros2 soak bench-compare bench-report wheels test-pythons release-check clean

@@ -36,6 +36,9 @@ class Calls:
     """Numbered calls. `ask` makes one, raises BusError if it fails, and returns the number that was
     answered."""
 
+    soon_s = SOON_S
+    """Longest time until a call is answered after the last fault."""
+
     def __init__(self, name: str, ask: Callable[[int], Awaitable[int]]) -> None:
         self.name = name
         self.done: Counter[int] = Counter()
@@ -64,14 +67,17 @@ class Calls:
     async def flows(self) -> None:
         """Wait for the answer of a call that begins from now on."""
         last = self.begun
-        await until(lambda: any(one > last for one in self.answered), f"an answer: {self}", SOON_S)
+        await until(lambda: any(one > last for one in self.answered), f"an answer: {self}", self.soon_s)
 
     async def settle(self) -> None:
         """Wait until all present calls have ended. Raises Doubled."""
-        present = [*self._open.values()]
+        present = dict(self._open)
         if present:
-            _, late = await asyncio.wait(present, timeout=_END_S)
-            assert not late, f"{len(late)} calls without an end after {_END_S:g} s: {self}"
+            await asyncio.wait(present.values(), timeout=_END_S)
+            late = [f"{number} ({self.done[number]})" for number, task in present.items() if not task.done()]
+            assert not late, (
+                f"calls (carried out) without an end after {_END_S:g} s: {', '.join(late)}; {self}"
+            )
         twice = [number for number, count in self.done.items() if count > 1]
         if twice or self._wrong:
             raise Doubled(f"{self}: carried out twice: {twice[:10]}; wrong answers: {self._wrong[:3]}")

@@ -1,5 +1,6 @@
 """A peer as a test has it: started, told what to do, its answers and what it heard."""
 
+import contextlib
 import importlib.util
 import json
 import os
@@ -101,7 +102,8 @@ class Peer:
 
     def close(self) -> None:
         assert self.process.stdin is not None and self.process.stdout is not None
-        self.process.stdin.close()
+        with contextlib.suppress(BrokenPipeError):  # an order that the killed process did not read
+            self.process.stdin.close()
         try:
             self.process.send_signal(signal.SIGCONT)
             self.process.wait(SOON_S)

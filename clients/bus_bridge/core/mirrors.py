@@ -6,6 +6,7 @@ each change. So there is no queue of changes, however many come.
 
 import asyncio
 from collections.abc import Awaitable, Callable, Iterable, Iterator
+from enum import IntEnum
 from typing import Any, TypeVar
 
 import msgspec
@@ -13,6 +14,7 @@ import msgspec
 from bus.errors import BusError
 from bus.events import PublisherEvents, SubscriptionEvents
 from bus.graph import Origin
+from bus.names import request_topic, service_of_topic
 from bus.node import Node
 from bus.publisher import Publisher
 from bus.qos import Durability, Liveliness, QoSProfile
@@ -34,6 +36,27 @@ T = TypeVar("T")
 
 _AT_ONCE = 64
 _CLOSE_S = 1.0
+
+
+class Stage(IntEnum):
+    """The order in which the endpoints of a node get their mirrors.
+
+    A client's subscription for replies is here before its requests arrive. A server's publisher of replies is
+    here before it can be asked.
+    """
+
+    SUBSCRIPTION = 0
+    PUBLISHER = 1
+    SERVER = 2
+    """Its subscription to requests."""
+
+    @classmethod
+    def of(cls, far: Mirrored) -> "Stage":
+        if far.far.kind == "publisher":
+            return cls.PUBLISHER
+        service = service_of_topic(far.topic)
+        is_server = service is not None and far.topic == request_topic(service)
+        return cls.SERVER if is_server else cls.SUBSCRIPTION
 
 
 class NodeMirror:
@@ -167,9 +190,8 @@ class Mirrors:
         now_s = self._loop.time()
         closed = [one for one in self._nodes.values() if one.node is None and not self._is_gone(one)]
         await self._each([one for one in closed if one.retry.at_s <= now_s], self._open_node)
-        # So a client's subscription for answers exists here before its requests arrive.
-        await self._each(self._missing("subscription"), self._open_endpoint)
-        await self._each(self._missing("publisher"), self._open_endpoint)
+        for stage in Stage:
+            await self._each(self._missing(stage), self._open_endpoint)
         self._arm()
 
     async def _each(self, items: Iterable[T], act: Callable[[T], Awaitable[None]]) -> None:
@@ -228,19 +250,17 @@ class Mirrors:
                 mirror.far, mirror.gone_s = far, 0.0
                 mirror.way.begin_again(far.far, numbering=_numbering(far))
 
-    def _missing(self, kind: str) -> list[tuple[EndpointMirror, MessageSchema]]:
-        """Endpoints of `kind` without a mirror that can get one now."""
+    def _missing(self, stage: Stage) -> list[tuple[EndpointMirror, MessageSchema]]:
+        """Endpoints of a stage without a mirror that can get one now."""
         found: list[tuple[EndpointMirror, MessageSchema]] = []
         now_s = self._loop.time()
-        unready: set[str] = set()
-        if kind == "publisher":
-            unready = {
-                far.node.key
-                for gid, far in self._far.endpoints.items()
-                if far.far.kind == "subscription" and self._is_due_first(gid, far)
-            }
+        unready = {
+            far.node.key
+            for gid, far in self._far.endpoints.items()
+            if Stage.of(far) < stage and self._is_due_first(gid, far)
+        }
         for gid, far in self._far.endpoints.items():
-            if far.far.kind != kind:
+            if Stage.of(far) is not stage:
                 continue
             mirror = self._endpoints.get(gid)
             if mirror is None:
@@ -263,9 +283,9 @@ class Mirrors:
         return found
 
     def _is_due_first(self, gid: bytes, far: Mirrored) -> bool:
-        """Whether a subscription must have a mirror before the publishers of its node.
+        """Whether an endpoint must have a mirror before those of later stages of its node.
 
-        It may have come since the mirrors of subscriptions were made in this pass.
+        It may have come since the mirrors of its stage were made in this pass.
         """
         mirror = self._endpoints.get(gid)
         return mirror is None or mirror.far is not far or not (mirror.is_open or mirror.retry.failures)

@@ -62,6 +62,9 @@ class ServiceWays:
         """Routes in, by the GUID of the far writer."""
         self._early: Early[bytes, Arrived] = Early(_EARLY, _EARLY_BYTES)
         """Messages that came before the bridge had a route for them."""
+        self._reasons: Early[str, Arrived] = Early(_EARLY, _EARLY_BYTES)
+        """Messages from none of the far servers, by topic, while no route can bring them: the bus may show a
+        client its server before it shows the server's publisher of replies."""
 
     def announce_publisher(
         self, endpoint: LocalEndpoint, schema: MessageSchema, on_change: Callable[[], None]
@@ -92,7 +95,8 @@ class ServiceWays:
         reader = self._readers[endpoint.gid] = _Reader(self, endpoint, on_batch)
         early, lost = self._early.pop(endpoint.gid)
         reader.lost.update({str(reason): count for reason, count in lost.items()})
-        for payload, time_ns in early:
+        reasons, _ = self._reasons.pop(endpoint.topic)
+        for payload, time_ns in (*early, *reasons):
             on_batch(Loose([Sample(payload, 0, time_ns)]))
         return reader
 
@@ -170,23 +174,26 @@ class ServiceWays:
             self._services,
             service,
             types,
-            lambda server, payload: self._deliver(server or self._any_reader(topic), payload),
+            lambda server, payload: (
+                self._deliver(server, payload) if server else self._deliver_reason(topic, payload)
+            ),
             self._user_data,
         )
 
-    def _any_reader(self, topic: str) -> bytes:
-        """A far writer of that topic, for a message that comes from none of them; empty if there is none.
-
-        Then the client learns from the end of its server's mirror that there is no answer.
-        """
-        return next((gid for gid, one in self._readers.items() if one.endpoint.topic == topic), b"")
+    def _deliver_reason(self, topic: str, payload: bytes) -> None:
+        """Deliver a message that says why there is no answer: any route of that topic brings it."""
+        reader = next((one for one in self._readers.values() if one.endpoint.topic == topic), None)
+        if reader is None:
+            self._reasons.put(topic, (payload, time.time_ns()))
+        else:
+            self._deliver(reader.endpoint.gid, payload)
 
     def _deliver(self, writer: bytes, payload: bytes) -> None:
         time_ns = time.time_ns()
         reader = self._readers.get(writer)
         if reader is not None:
             reader.on_batch(Loose([Sample(payload, 0, time_ns)]))
-        elif writer:
+        else:
             self._early.put(writer, (payload, time_ns))
 
 

@@ -4,6 +4,9 @@ import asyncio
 from typing import Any
 from unittest.mock import AsyncMock, Mock
 
+import pytest
+
+from bus.names import reply_topic, request_topic
 from bus.qos import QoSProfile
 from bus_bridge.core.bounds import Bounds
 from bus_bridge.core.far_graph import FarGraph
@@ -13,7 +16,8 @@ from bus_bridge.core.rules import Rules
 from bus_bridge.engine import EndpointKind, FarBus, FarEndpoint, FarNode
 from semantics import until
 
-NODE = "client"
+NODE = "node"
+REQUESTS, REPLIES = request_topic("/add"), reply_topic("/add")
 
 
 class World:
@@ -22,7 +26,7 @@ class World:
     def __init__(self) -> None:
         self.far = FarGraph("here", Bounds(), Rules(), Naming(""))
         self.far.bus_added(FarBus("there"), 0.0)
-        self.far.node_added(FarNode(NODE, "there", "client", "/"), 0.0)
+        self.far.node_added(FarNode(NODE, "there", "node", "/"), 0.0)
         self.is_free = asyncio.Event()
         self.began: list[str] = []
         self.made: list[str] = []
@@ -52,16 +56,27 @@ class World:
         return Mock(matches=(), close=AsyncMock())
 
 
-async def test_a_client_receives_answers_before_it_asks_however_late_it_comes() -> None:
+@pytest.mark.parametrize(
+    "endpoints",
+    [
+        pytest.param((("subscription", REPLIES), ("publisher", REQUESTS)), id="a client"),
+        pytest.param((("publisher", REPLIES), ("subscription", REQUESTS)), id="a server"),
+    ],
+)
+@pytest.mark.parametrize("is_reversed", [False, True])
+async def test_the_order_of_the_ends_of_a_service(
+    endpoints: tuple[tuple[EndpointKind, str], ...], is_reversed: bool
+) -> None:
+    """Also of ends that come while another mirror is being made."""
     world = World()
     world.add("subscription", "/slow")
     task = asyncio.create_task(world.mirrors.run())
     await until(lambda: world.began == ["/slow"])
-    world.add("subscription", "/replies")
-    world.add("publisher", "/requests")
+    for kind, topic in reversed(endpoints) if is_reversed else endpoints:
+        world.add(kind, topic)
     world.is_free.set()
     await until(lambda: len(world.made) == 3)
-    assert world.made == ["/slow", "/replies", "/requests"]
+    assert world.made == ["/slow", *(topic for _, topic in endpoints)]
     task.cancel()
     await asyncio.gather(task, return_exceptions=True)
     await world.mirrors.close()

@@ -241,6 +241,15 @@ async def test_why_there_is_no_answer_comes_by_any_server(
     assert (denial.number, denial.error, denial.body) == (7, "", None)
 
 
+async def test_why_there_is_no_answer_waits_for_a_server(world: World) -> None:
+    world.serve()
+    world.ask()
+    world.client.write(one(SUPPORT.encode_question(CLIENT, 7)))
+    world.read_replies()
+    (denial,) = world.replies()
+    assert (denial.number, denial.error, denial.body) == (7, "", None)
+
+
 async def test_a_far_endpoint_that_goes_is_named(world: World) -> None:
     world.serve()
     world.ask()
