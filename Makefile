@@ -17,7 +17,7 @@ SOAK_STAMP := $(VENV)/.soak
 VISION_STAMP := $(VENV)/.vision
 RELEASE_STAMP := $(VENV)/.release
 DOCS_STAMP := $(VENV)/.docs
-CORE   := setup.py $(wildcard clients/bus/shm/*.[ch] clients/bus_tf2/core/*.[ch])
+CORE   := setup.py $(wildcard clients/bus/shm/*.[ch] clients/bus_tf2/core/*.[ch] clients/bus_bag/core/*.[ch])
 PIP    := $(BIN)/python -m pip install -qq --disable-pip-version-check
 SECONDS ?=
 SEED ?=
@@ -53,7 +53,7 @@ $(STAMP): pyproject.toml $(CORE) | $(BIN)/python
 	@if [ $(BUS_NATIVE) != auto ] || [ -e $(VENV)/.busd-no ] || [ -z "$(BY_HAND)" ] \
 			|| [ -n "$$(find $^ -newer "$(BY_HAND)")" ]; then \
 		echo "installing busd and what it needs into $(VENV): 10 seconds to a minute"; \
-		rm -f $(VENV)/.busd-* $(if $(filter no,$(BUS_NATIVE)),clients/bus/shm/*.so clients/bus_tf2/core/*.so); \
+		rm -f $(VENV)/.busd-* $(if $(filter no,$(BUS_NATIVE)),clients/bus/shm/*.so clients/bus_tf2/core/*.so clients/bus_bag/core/*.so); \
 		$(PIP) --editable . && $(TWO_FOLDERS); \
 	fi
 	@touch $@
@@ -261,7 +261,7 @@ $(RELEASE_STAMP): pyproject.toml | $(TOOLS)
 	@touch $@
 
 clean: ## remove what the other targets made
-	rm -rf $(VENV) $(PEERS:%=.venv-%) build dist tests/native/build benchmarks/floors/build clients/bus/shm/*.so clients/bus_tf2/core/*.so *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis .fuzz .import_linter_cache
+	rm -rf $(VENV) $(PEERS:%=.venv-%) build dist tests/native/build benchmarks/floors/build clients/bus/shm/*.so clients/bus_tf2/core/*.so clients/bus_bag/core/*.so *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis .fuzz .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 .PHONY: help setup demo robot docs test compiled nightly test-nightly test-uptime test-nohup mutants native arm lint sanitize differential fuzz api messages vendor axe foxglove fmt bench-quick bench peers chaos chaos-bridges chaos-ros2 soak bench-compare bench-report wheels test-pythons release-check clean

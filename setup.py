@@ -16,6 +16,7 @@ HERE = Path(__file__).parent
 CORES = {
     "bus.shm._core": Path("clients", "bus", "shm"),
     "bus_tf2.core._core": Path("clients", "bus_tf2", "core"),
+    "bus_bag.core._core": Path("clients", "bus_bag", "core"),
 }
 """The native cores, and where their sources are: all of a folder."""
 

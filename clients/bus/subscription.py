@@ -28,9 +28,10 @@ _new_info: Any = tuple.__new__
 
 
 class Pack(NamedTuple):
-    """Messages of one publisher, back to back; made by `Subscription.take_packed`."""
+    """Messages back to back; made by `Subscription.take_packed`."""
 
     publisher_gid: bytes
+    """Empty if the messages are from several publishers."""
     data: bytes
     """For each message: its number (u64), its source time (i64, nanoseconds of the wall clock), its size
     (u32), and the message; little-endian."""
@@ -42,6 +43,8 @@ class Pack(NamedTuple):
     """Whether no message is missing between the first and the last."""
     has_more: bool
     """Whether more messages wait."""
+    received_timestamp: int
+    """The time at which they were taken, in nanoseconds of the wall clock."""
 
 
 class Subscription(Endpoint[M]):
@@ -104,15 +107,20 @@ class Subscription(Endpoint[M]):
             for message, stamp_ns, seq, proxy, received_ns in batch
         ]
 
-    def take_packed(self, most_bytes: int, longest: int) -> Pack | None:
+    def take_packed(self, most_bytes: int, longest: int, *, merges: bool = False) -> Pack | None:
         """The waiting messages of one publisher, in one buffer of at most `most_bytes`; never blocks.
 
         For bridges, which forward the buffer by `Publisher.publish_packed`: a message costs a tenth of its
-        cost in `take_many`. Returns None if `take_many` has to take the next message: a message of `longest`
-        bytes or more, a message received by socket, or any message without the native core.
+        cost in `take_many`. With `merges`, for a recorder: the messages of all publishers, in the order in
+        which they were published. Returns None if `take_many` has to take the next message: a message of
+        `longest` bytes or more, a message received by socket, or any message without the native core.
         """
-        found = self._receiver.take_packed(most_bytes, longest, self._core.link.wall_offset_ns)
-        return None if found is None else Pack(found[0].shown_gid, *found[1:])
+        offset_ns = self._core.link.wall_offset_ns
+        found = self._receiver.take_packed(most_bytes, longest, offset_ns, merges=merges)
+        if found is None:
+            return None
+        gid = b"" if found[0] is None else found[0].shown_gid
+        return Pack(gid, *found[1:], self._receiver.stamp_ns + offset_ns)
 
     def set_arrival_callback(self, callback: Callable[[], object] | None) -> None:
         """Set a callback for the arrival of messages: called on the event loop, once for messages that came

@@ -25,7 +25,12 @@ from fuzz.targets import NATIVE, OF_THE_CORE, TARGETS
 ROOT = Path(__file__).parents[2]
 BUILD = ROOT / "tests" / "native" / "build" / "fuzz"
 FOUND = ROOT / ".fuzz"
-PROGRAMS = {"ring": "fuzz_ring", "gates": "fuzz_gates", **dict.fromkeys(OF_THE_CORE, "fuzz_core")}
+PROGRAMS = {
+    "ring": "fuzz_ring",
+    "gates": "fuzz_gates",
+    "records": "fuzz_records",
+    **dict.fromkeys(OF_THE_CORE, "fuzz_core"),
+}
 """Fuzzers for targets with code in C; only there the fuzzer sees the coverage."""
 
 LONGEST_BYTES = {"broker": 400, "client": 400, "reader": 400, "control": 2000, "ring": 512, "gates": 512}

@@ -130,7 +130,8 @@ def reader(data: bytes) -> None:
                 held.clear()
                 if source:
                     most_bytes, longest = 64 * script.byte(), 64 * script.byte()
-                    check_pack(taker.take_packed(most_bytes, longest, 1 << 60), most_bytes, longest)
+                    take = taker.take_merged if source % 2 else taker.take_packed
+                    check_pack(take(most_bytes, longest, 1 << 60), most_bytes, longest)
         _check(taker)
 
 

@@ -28,14 +28,15 @@ Outcome = tuple[Any, ...]
 
 
 def check_pack(pack: tuple[Any, ...] | None, most_bytes: int, longest: int) -> int:
-    """Check the report of `Reader.take_packed` about a pack; returns the number of samples."""
+    """Check the report of `Reader.take_packed`, or of `take_merged`, about a pack; returns the number of
+    samples."""
     if pack is None:
         return 0
-    _, data, count, payload_bytes, last_at, is_consecutive, _ = pack
+    source, data, count, payload_bytes, last_at, is_consecutive, _ = pack
     assert 0 < len(data) <= most_bytes
     found = scan_here(data, 0, _FOR_EVER)
     assert (found.records, found.stop, found.payload_bytes) == (count, len(data), payload_bytes)
-    assert (found.last_at, found.is_consecutive) == (last_at, is_consecutive)
+    assert (found.last_at, found.is_consecutive and source is not None) == (last_at, is_consecutive)
     assert len(data) - last_at - RECORD.size < longest
     assert isinstance(count, int)
     return count
@@ -66,7 +67,8 @@ def packs(data: bytes) -> None:
         published, _ = writer.publish_packed(whole, start)
         start = scan_here(whole, start, published).stop
         taken: list[tuple[int, bytes]] = []
-        while (pack := reader.take_packed(most_bytes, longest, 0)) is not None:
+        take = reader.take_merged if start & 1 else reader.take_packed
+        while (pack := take(most_bytes, longest, 0)) is not None:
             check_pack(pack, most_bytes, longest)
             taken += [_sample(pack[1], at) for at in _places(pack[1], 0)]
         for payload, stamp_ns, *_ in reader.take(1000, bytes):

@@ -48,7 +48,7 @@ TARGETS: dict[str, Target] = {
     "payloads": cdr_targets.payloads,
     "bag_definitions": cdr_targets.bag_definitions,
 }
-NATIVE = ("ring", "gates")
+NATIVE = ("ring", "gates", "records")
 """The targets in C, in tests/native; `make native` runs their kept inputs."""
 
 OF_THE_CORE = ("reader", "packs", "plans")

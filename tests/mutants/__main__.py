@@ -32,7 +32,7 @@ _FILES = (
     "setup.py",
 )
 _NATIVE = "tests/native/"
-_CORE = "clients/bus/shm/"
+_CORES = ("clients/bus/shm/", "clients/bus_bag/core/")
 
 
 class Mutant(msgspec.Struct, forbid_unknown_fields=True):
@@ -47,7 +47,7 @@ class Mutant(msgspec.Struct, forbid_unknown_fields=True):
     @property
     def is_in_core(self) -> bool:
         """Whether the native core has to be built again with it."""
-        is_built = self.file.startswith(_CORE) and not self.file.endswith(".py")
+        is_built = self.file.startswith(_CORES) and not self.file.endswith(".py")
         return is_built and not all(test.startswith(_NATIVE) for test in self.tests)
 
 
@@ -96,7 +96,8 @@ def _copy(tree: Path) -> None:
 def _is_killed(tree: Path, mutant: Mutant) -> bool:
     path, began = tree / mutant.file, time.monotonic()
     source = path.read_text()
-    cores = {core: core.read_bytes() for core in (tree / _CORE).glob("*.so")} if mutant.is_in_core else {}
+    built = [core for folder in _CORES for core in (tree / folder).glob("*.so")] if mutant.is_in_core else []
+    cores = {core: core.read_bytes() for core in built}
     path.write_text(source.replace(mutant.old, mutant.new))
     try:
         if mutant.is_in_core:
@@ -104,8 +105,8 @@ def _is_killed(tree: Path, mutant: Mutant) -> bool:
         is_killed = _fails(tree, mutant.tests)
     finally:
         path.write_text(source)
-        for core, built in cores.items():
-            core.write_bytes(built)
+        for core, content in cores.items():
+            core.write_bytes(content)
     word = "killed" if is_killed else "SURVIVED"
     print(f"{word:<8} {time.monotonic() - began:5.1f} s  {mutant.file}: {mutant.breaks}", flush=True)
     return is_killed

@@ -87,7 +87,7 @@ def test_what_was_encoded_comes_back(description: dict[str, Any], seed: int) -> 
     message = Filler(description, random.Random(seed)).value(WORLD)
     payload = msgspec.msgpack.encode(message)
     parts = codec.encode(payload)
-    assert b"".join(encoder(description, codec._shape, True)(payload)) == b"".join(parts)
+    assert b"".join(encoder(description, codec.shape, True)(payload)) == b"".join(parts)
     assert msgspec.msgpack.decode(codec.decode(b"".join(parts)), strict=False) == message
     parsed = schema_of_definition(codec.type_name, codec.definition)
     assert (parsed.type_name, parsed.type_hash) == (codec.type_name, codec.type_hash)

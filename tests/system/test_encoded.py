@@ -19,6 +19,8 @@ __all__ = ["node"]
 pytestmark = pytest.mark.usefixtures("route")
 
 LONG = 300_000
+_CLOCKS_NS = 10_000_000
+"""Most difference between the wall clock and the clock of timestamps."""
 
 
 def encoded(size: int = 5) -> bytes:
@@ -303,13 +305,15 @@ class TestPacks:
         await until(lambda: tap.statistics().queued == len(sent))
         packs = 0
         while tap.statistics().queued:
-            pack = tap.take_packed(60_000, 10_000)
+            before_ns = time_ns()
+            pack = tap.take_packed(60_000, 10_000, merges=packs % 2 == 1)
             if pack is None:
                 for payload, info in tap.take_many(1):
                     assert far.publish_encoded(payload, source_time_ns=info.source_timestamp)
                 continue
             packs += 1
             assert pack.publisher_gid == near.gid and pack.has_more is bool(tap.statistics().queued)
+            assert before_ns - _CLOCKS_NS < pack.received_timestamp < time_ns() + _CLOCKS_NS
             assert far.publish_packed(pack.data) == pack.messages
         assert (packs > 0) is (route == "shm")
         await until(lambda: listener.statistics().queued == len(sent))

@@ -10,8 +10,8 @@ from wheels import Wrong
 
 __all__ = ["check_sdist", "check_wheel", "files_of"]
 
-_CORE = re.compile(r"(bus/shm|bus_tf2/core)/_core\.abi3\.so")
-_CORES = 2
+_CORE = re.compile(r"(bus/shm|bus_tf2/core|bus_bag/core)/_core\.abi3\.so")
+_CORES = 3
 _NEWEST_GLIBC = 28  # minor number: of the systems with Python 3.11, those of the last years have it
 _SOURCES = (".c", ".h")
 _FROM_BUILD = re.compile(r"PKG-INFO|setup\.cfg|busd\.egg-info/.*")

@@ -40,8 +40,8 @@ Times are in ns of the monotonic clock; the stamp is by the publisher's clock (`
 A stamp below 0 is the time that the message's source gave it: on the wall clock, with its sign changed."""
 
 
-TakenPack: TypeAlias = tuple[PublisherProxy, bytes, int, int, int, bool, bool]
-"""See `shm.native.Reader.take_packed`."""
+TakenPack: TypeAlias = tuple[PublisherProxy | None, bytes, int, int, int, bool, bool]
+"""See `shm.native.Reader.take_merged`."""
 
 
 class Receiver(Generic[M]):
@@ -283,12 +283,17 @@ class Receiver(Generic[M]):
                 found += [ahead.popleft() for _ in range(left - 1)]
         return found
 
-    def take_packed(self, most_bytes: int, longest: int, offset_ns: int) -> TakenPack | None:
-        """As `Reader.take_packed`; None if other samples come before those in the rings."""
+    def take_packed(
+        self, most_bytes: int, longest: int, offset_ns: int, *, merges: bool = False
+    ) -> TakenPack | None:
+        """As `Reader.take_packed`, or `Reader.take_merged`; None if other samples come before those in the
+        rings."""
         reader = self.reader
         if reader is None or self.ahead or self._queue.runs:
             return None
-        found = reader.take_packed(most_bytes, longest, offset_ns)
+        take: Callable[[int, int, int], TakenPack | None]
+        take = reader.take_merged if merges else reader.take_packed
+        found = take(most_bytes, longest, offset_ns)
         if found is not None:
             self.stamp_ns = monotonic_ns()
             if not reader.is_report_due:

@@ -389,6 +389,12 @@ class Reader(Generic[S]):
         Returns: source, pack, samples, bytes of payload, offset of the last record, whether numbers are
         consecutive, whether more samples wait. A stamp plus `offset_ns` is its time on the wall clock.
         """
+    def take_merged(
+        self, most_bytes: int, longest: int, offset_ns: int, /
+    ) -> tuple[S | None, Bytes, int, int, int, bool, bool] | None:
+        """As `take_packed`, for the samples of all sources in the order of their stamps. The source is None,
+        and numbers are not consecutive, if there are several.
+        """
     def wait(
         self,
         decode: Callable[[Any], M],

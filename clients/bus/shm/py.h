@@ -392,6 +392,7 @@ PyObject *reader_wait(PyObject *self, PyObject *const *args, Py_ssize_t count);
 
 /* py_pack.c */
 PyObject *reader_take_packed(PyObject *self, PyObject *const *args, Py_ssize_t count);
+PyObject *reader_take_merged(PyObject *self, PyObject *const *args, Py_ssize_t count);
 PyObject *writer_publish_packed(PyObject *self, PyObject *const *args, Py_ssize_t count);
 PyObject *core_scan_packed(PyObject *module, PyObject *const *args, Py_ssize_t count);
 

@@ -31,48 +31,76 @@ static inline void write_head(unsigned char *at, struct packed_head head)
     memcpy(at + 16, &head.size, 4);
 }
 
-/* Samples packed so far; `source` is an owned reference. */
+/* Samples packed so far; `source` is an owned reference to the source of the first one. */
 struct pack {
     PyObject *source;
     unsigned char *bytes;
     size_t size, last_at;
     uint64_t count, payload_bytes, first, last;
+    bool has_several_sources;
 };
 
-/* Packs the waiting samples of one feed, until a sample is too long or the pack is full. -1: an error is set. */
-static int pack_feed(Reader *self, struct feed *feed, struct pack *pack, size_t most, size_t longest, int64_t offset_ns)
+/* The bounds of a pack, and what turns a stamp into a time of the wall clock. */
+struct pack_bounds {
+    size_t most, longest;
+    int64_t offset_ns;
+    uint64_t now_ns;
+};
+
+/* Packs the head of a feed, or leaves it out because it has expired or was overrun. False: it does not fit. */
+static bool pack_head(Reader *self, struct feed *feed, struct pack *pack, const struct pack_bounds *bounds)
 {
-    const uint64_t now_ns = core_now_ns();
-    enum ring_status status;
-    while ((status = feed_head(feed, self->bound)) == RING_OK) {
-        struct ring_record record = feed->head;
-        const uint32_t whole = record.size; /* with its source's time */
-        const uint64_t stamp_ns = feed_stamp(feed, &record);
-        int64_t source_ns = 0;
-        if (feed_is_expired(feed, stamp_ns, now_ns)) {
-            feed_step(feed);
-            self->expired++;
-            continue;
-        }
-        if (whole >= longest || pack->size + PACKED_HEAD + whole > most)
-            break;
-        unsigned char *at = pack->bytes + pack->size;
-        pass_source_time(&record, &source_ns);
-        if (feed_copy(feed, self->bound, &record, at + PACKED_HEAD) != RING_OK)
-            continue;
-        const int64_t time_ns = source_ns != 0 ? source_ns : (int64_t)(stamp_ns + (uint64_t)offset_ns);
-        write_head(at, (struct packed_head){record.seq, time_ns, record.size});
-        if (pack->count++ == 0)
-            pack->first = record.seq;
-        pack->last = record.seq;
-        pack->last_at = pack->size;
-        pack->size += PACKED_HEAD + record.size;
-        pack->payload_bytes += record.size;
-        self->samples++;
-        self->bytes += whole;
-        ages_note(&self->ages, stamp_ns, now_ns);
+    struct ring_record record = feed->head;
+    const uint32_t whole = record.size; /* with its source's time */
+    const uint64_t stamp_ns = feed_stamp(feed, &record);
+    int64_t source_ns = 0;
+    if (feed_is_expired(feed, stamp_ns, bounds->now_ns)) {
+        feed_step(feed);
+        self->expired++;
+        return true;
     }
+    if (whole >= bounds->longest || pack->size + PACKED_HEAD + whole > bounds->most)
+        return false;
+    unsigned char *at = pack->bytes + pack->size;
+    PyObject *source = source_of(feed)->object;
+    pass_source_time(&record, &source_ns);
+    if (feed_copy(feed, self->bound, &record, at + PACKED_HEAD) != RING_OK)
+        return true;
+    const int64_t time_ns = source_ns != 0 ? source_ns : (int64_t)(stamp_ns + (uint64_t)bounds->offset_ns);
+    write_head(at, (struct packed_head){record.seq, time_ns, record.size});
+    if (pack->count++ == 0) {
+        pack->source = Py_NewRef(source);
+        pack->first = record.seq;
+    }
+    pack->has_several_sources = pack->has_several_sources || source != pack->source;
+    pack->last = record.seq;
+    pack->last_at = pack->size;
+    pack->size += PACKED_HEAD + record.size;
+    pack->payload_bytes += record.size;
+    self->samples++;
+    self->bytes += whole;
+    ages_note(&self->ages, stamp_ns, bounds->now_ns);
+    return true;
+}
+
+/* Packs the waiting samples of one feed, until a sample is too long or the pack is full. -1: an error is set. */
+static int pack_feed(Reader *self, struct feed *feed, struct pack *pack, const struct pack_bounds *bounds)
+{
+    enum ring_status status;
+    while ((status = feed_head(feed, self->bound)) == RING_OK)
+        if (!pack_head(self, feed, pack, bounds))
+            break;
     return status == RING_CORRUPT ? reader_leave(self, feed, RING_IS_BROKEN) : 0;
+}
+
+/* As pack_feed(), for the samples of all feeds, in the order of their stamps. */
+static int pack_all(Reader *self, struct pack *pack, const struct pack_bounds *bounds)
+{
+    struct feed *feed;
+    while ((feed = reader_oldest(self)) != NULL)
+        if (!pack_head(self, feed, pack, bounds))
+            break;
+    return PyErr_Occurred() ? -1 : 0;
 }
 
 /* The most bytes of the feed that go into one pack. There are fewer if samples have expired, or if a payload begins
@@ -91,15 +119,29 @@ static size_t packed_bytes(const struct feed *feed, size_t most, size_t longest)
     return size;
 }
 
-PyObject *reader_take_packed(PyObject *object, PyObject *const *args, Py_ssize_t count)
+/* What a call returns about a pack; `room` is the size of `data`, whose first bytes are the pack. */
+static PyObject *describe_pack(Reader *self, const struct pack *pack, PyObject *data, size_t room)
 {
-    Reader *self = (Reader *)object;
+    if (pack->count == 0)
+        return Py_NewRef(Py_None);
+    PyObject *whole = pack->size == room ? Py_NewRef(data)
+                                         : PyBytes_FromStringAndSize((char *)pack->bytes, (Py_ssize_t)pack->size);
+    const bool is_consecutive = !pack->has_several_sources && pack->last - pack->first == pack->count - 1;
+    return Py_BuildValue("(ONKKKOO)", pack->has_several_sources ? Py_None : pack->source, whole,
+                         (unsigned long long)pack->count, (unsigned long long)pack->payload_bytes,
+                         (unsigned long long)pack->last_at, is_consecutive ? Py_True : Py_False,
+                         reader_has_more(self) ? Py_True : Py_False);
+}
+
+/* Takes a pack: of the feed with the oldest sample, or of all feeds. */
+static PyObject *take_pack(Reader *self, PyObject *const *args, Py_ssize_t count, bool is_of_all)
+{
     if (count != 3) {
         PyErr_SetString(PyExc_TypeError, "most_bytes, longest and offset_ns are needed");
         return NULL;
     }
-    const size_t most = PyLong_AsSize_t(args[0]), longest = PyLong_AsSize_t(args[1]);
-    const int64_t offset_ns = PyLong_AsLongLong(args[2]);
+    struct pack_bounds bounds = {.most = PyLong_AsSize_t(args[0]), .longest = PyLong_AsSize_t(args[1])};
+    bounds.offset_ns = PyLong_AsLongLong(args[2]);
     if (PyErr_Occurred())
         return NULL;
     int status = reader_poll(self);
@@ -109,28 +151,32 @@ PyObject *reader_take_packed(PyObject *object, PyObject *const *args, Py_ssize_t
             reader_show(self);
         return PyErr_Occurred() ? NULL : Py_NewRef(Py_None);
     }
-    const size_t size = packed_bytes(feed, most, longest);
-    PyObject *data = PyBytes_FromStringAndSize(NULL, (Py_ssize_t)size);
+    is_of_all = is_of_all && self->count > 1;
+    size_t room = 0;
+    for (size_t i = 0; i < (is_of_all ? self->count : 1) && room < bounds.most; i++)
+        room += packed_bytes(is_of_all ? self->feeds[i] : feed, bounds.most, bounds.longest);
+    bounds.most = room < bounds.most ? room : bounds.most;
+    PyObject *data = PyBytes_FromStringAndSize(NULL, (Py_ssize_t)bounds.most);
     if (data == NULL)
         return NULL;
-    struct pack pack = {.source = source_of(feed)->object, .bytes = (unsigned char *)PyBytes_AsString(data)};
-    Py_INCREF(pack.source);
-    status = pack_feed(self, feed, &pack, size, longest, offset_ns);
+    struct pack pack = {.bytes = (unsigned char *)PyBytes_AsString(data)};
+    bounds.now_ns = core_now_ns();
+    status = is_of_all ? pack_all(self, &pack, &bounds) : pack_feed(self, feed, &pack, &bounds);
     reader_show(self);
-    PyObject *found = NULL;
-    if (status >= 0 && pack.count == 0) {
-        found = Py_NewRef(Py_None);
-    } else if (status >= 0) {
-        PyObject *whole = pack.size == size ? Py_NewRef(data)
-                                            : PyBytes_FromStringAndSize((char *)pack.bytes, (Py_ssize_t)pack.size);
-        found = Py_BuildValue("(ONKKKOO)", pack.source, whole, (unsigned long long)pack.count,
-                              (unsigned long long)pack.payload_bytes, (unsigned long long)pack.last_at,
-                              pack.last - pack.first == pack.count - 1 ? Py_True : Py_False,
-                              reader_has_more(self) ? Py_True : Py_False);
-    }
+    PyObject *found = status < 0 ? NULL : describe_pack(self, &pack, data, bounds.most);
     Py_DECREF(data);
-    Py_DECREF(pack.source);
+    Py_XDECREF(pack.source);
     return found;
+}
+
+PyObject *reader_take_packed(PyObject *self, PyObject *const *args, Py_ssize_t count)
+{
+    return take_pack((Reader *)self, args, count, false);
+}
+
+PyObject *reader_take_merged(PyObject *self, PyObject *const *args, Py_ssize_t count)
+{
+    return take_pack((Reader *)self, args, count, true);
 }
 
 /* Reads a call's first arguments, the buffer and the offset. False: an error is set, and no buffer is held. */

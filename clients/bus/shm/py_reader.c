@@ -429,6 +429,7 @@ static PyMethodDef methods[] = {
     {"take", (PyCFunction)(void (*)(void))reader_take, FAST_KEYWORDS, NULL},
     {"messages", (PyCFunction)(void (*)(void))reader_messages, FAST_KEYWORDS, NULL},
     {"take_packed", (PyCFunction)(void (*)(void))reader_take_packed, METH_FASTCALL, NULL},
+    {"take_merged", (PyCFunction)(void (*)(void))reader_take_merged, METH_FASTCALL, NULL},
     {"wait", (PyCFunction)(void (*)(void))reader_wait, METH_FASTCALL, NULL},
     {"pop_rejected", reader_pop_rejected, METH_NOARGS, NULL},
     {"pop_left", reader_pop_left, METH_NOARGS, NULL},

@@ -8,10 +8,11 @@ from collections.abc import Callable, Iterable, Mapping
 from time import monotonic_ns
 
 from bus.vocabulary import DropReason
+from bus_bag.record.batch import Batch, Packed, Sample, log_time_of
 from bus_bag.record.latched import Latched, LatchedState
 from bus_bag.record.options import RecordOptions
 from bus_bag.record.splitting import Splitting
-from bus_bag.record.topic import Batch, RecordedTopic, Sample
+from bus_bag.record.topic import RecordedTopic
 from bus_bag.storage import BagWriter
 from bus_ros.cdr import CdrError
 
@@ -78,19 +79,25 @@ class BagOutput:
         if channel is None:
             channel = self._add_channel(topic)
         if self._splitting is not None and samples:
-            self._split_if_due(self._splitting, samples[0])
+            self._split_if_due(self._splitting, log_time_of(samples))
+        if isinstance(samples, Packed):
+            if self._write_packed(topic, channel, samples):
+                if not self._is_snapshot:
+                    self.keep(topic, samples, is_written=True)
+                return
+            samples = samples.samples()  # one of them may not have the type
         if len(samples) > 1 and size <= len(samples) * _SHORT and self._write_many(topic, channel, samples):
             if topic.is_latched and not self._is_snapshot:
                 self.keep(topic, samples, is_written=True)
             return
         for sample in samples:
             if self._splitting is not None:
-                self._split_if_due(self._splitting, sample)
+                self._split_if_due(self._splitting, sample[1][1])
             topic.written += self._write_one(topic, channel, sample, sample[1][1])
             if topic.is_latched and not self._is_snapshot:
                 self.keep(topic, [sample], is_written=True)
 
-    def write_state_before(self, batches: Iterable[Batch]) -> None:
+    def write_state_before(self, batches: Iterable[Iterable[Sample]]) -> None:
         """Write the unwritten state of latched topics, without the messages in `batches`."""
         present = {id(sample) for samples in batches for sample in samples}
         unwritten = self._latched.take_unwritten()
@@ -99,8 +106,10 @@ class BagOutput:
     def keep(self, topic: RecordedTopic, samples: Batch, *, is_written: bool) -> None:
         """Keep the state of a topic if its publishers keep messages for late joiners."""
         if topic.is_latched:
+            if isinstance(samples, Packed):
+                samples = samples.samples(self._latched.depth(topic.name, samples.publisher_gid))
             for sample in samples:
-                if self._latched.is_offered(topic.name, sample[1].publisher_gid):
+                if self._latched.depth(topic.name, sample[1].publisher_gid):
                     self._latched.add(
                         topic.name, sample[1].publisher_gid, sample, len(sample[0]), is_written=is_written
                     )
@@ -117,13 +126,24 @@ class BagOutput:
             if topic.channel is not None:
                 topic.repeated += self._write_one(topic, topic.channel, one.message, now_ns)
 
-    def _split_if_due(self, splitting: Splitting, sample: Sample) -> None:
-        """Begin a further file before `sample` if that is due."""
-        log_time = sample[1][1]
+    def _split_if_due(self, splitting: Splitting, log_time: int) -> None:
+        """Begin a further file before a message of that time if that is due."""
         if splitting.is_due(self._size(), log_time):
             self.split(log_time)
 
-    def _write_many(self, topic: RecordedTopic, channel: int, samples: Batch) -> bool:
+    def _write_packed(self, topic: RecordedTopic, channel: int, batch: Packed) -> bool:
+        """Write all messages; returns False without writing if one may not have the type."""
+        if topic.program is None:
+            return False
+        taken = self._writer.write_packed(channel, batch.log_time, batch.data, topic.program.records)
+        if not taken:
+            return False
+        self.bytes += taken
+        topic.written += len(batch)
+        self.messages += len(batch)
+        return True
+
+    def _write_many(self, topic: RecordedTopic, channel: int, samples: list[Sample]) -> bool:
         """Write all samples; returns False without writing if a message does not have the type."""
         payloads, infos = zip(*samples, strict=True)
         try:

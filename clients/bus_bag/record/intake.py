@@ -6,7 +6,10 @@ are taken at once. The pipeline runs after all other pending work of the event l
 
 import asyncio
 from collections.abc import Iterable
+from typing import Any
 
+from bus.subscription import Subscription
+from bus_bag.record.batch import Batch, Packed
 from bus_bag.record.clock import RecordingClock
 from bus_bag.record.pipeline import Pipeline
 from bus_bag.record.state import RecordingLife
@@ -15,6 +18,10 @@ from bus_bag.record.topic import RecordedTopic
 __all__ = ["Intake"]
 
 _BATCH = 256
+_PACK_BYTES = 256 << 10
+"""Most bytes of messages in one buffer. They have one log time: at 1 KiB they are as many as a batch has."""
+_LONG_BYTES = 16 << 10
+"""Messages of this size are taken one by one: they are written from where they are, without a copy."""
 
 
 class Intake:
@@ -39,36 +46,55 @@ class Intake:
         """Lossless topics that wait for room."""
         self._pumping: asyncio.Handle | None = None
 
-    def take(self, topic: RecordedTopic) -> None:
-        """Take messages of `topic` now, if some have arrived, and write them later."""
+    def take(self, topic: RecordedTopic) -> int:
+        """Take messages of `topic` now, if some have arrived, and write them later; returns their number."""
         subscription = topic.subscription
         if subscription is None or topic.final is not None:
-            return
+            return 0
         if topic.is_lossless and self._pipeline.is_crowded and not self._life.is_ending:
             self._held[topic] = None
-            return
-        samples = subscription.take_many(_BATCH)
-        if not samples:
-            return
-        if len(samples) == _BATCH and topic not in self._unfinished:  # continue later, after other callbacks
+            return 0
+        now_ns = self._clock.now_ns() if self._clock.is_simulated else None
+        batch, has_more = self._next(topic, subscription, now_ns)
+        if not batch:
+            return 0
+        if has_more and topic not in self._unfinished:  # continue later, after other callbacks
             self._unfinished[topic] = None
             self._loop.call_soon(self._take_more, topic)
-        if self._clock.is_simulated:
-            now_ns = self._clock.now_ns()
-            if not now_ns:  # the simulation has not begun
-                topic.passed_over += len(samples)
-                return
-            samples = [(payload, info._replace(received_timestamp=now_ns)) for payload, info in samples]
-        self._pipeline.put(topic, samples, is_paused=self.is_paused)
+        if now_ns == 0:  # the simulation has not begun
+            topic.passed_over += len(batch)
+            return len(batch)
+        self._pipeline.put(topic, batch, is_paused=self.is_paused)
         if self._pumping is None:
             self._pumping = self._loop.call_soon(self._pump_now)
+        return len(batch)
+
+    def _next(
+        self, topic: RecordedTopic, subscription: Subscription[Any], now_ns: int | None
+    ) -> tuple[Batch, bool]:
+        """The next messages, with the log time `now_ns` if it is given, and whether more may wait."""
+        if self._pipeline.takes_packs(topic):
+            # A latched message is kept for its publisher, and a merged buffer does not say whose it is.
+            is_latched = topic.is_latched
+            if not is_latched or subscription.get_publisher_count() == 1:
+                pack = subscription.take_packed(_PACK_BYTES, _LONG_BYTES, merges=not is_latched)
+                if pack is not None:
+                    return Packed(pack, now_ns), pack.has_more
+        samples = subscription.take_many(_BATCH)
+        has_more = len(samples) == _BATCH
+        if now_ns:
+            samples = [(payload, info._replace(received_timestamp=now_ns)) for payload, info in samples]
+        return samples, has_more
 
     def take_all(self, topics: Iterable[RecordedTopic]) -> None:
         """Take all messages that have arrived so far."""
         for topic in topics:
             if topic.subscription is not None:
-                for _ in range(topic.subscription.statistics().queued // _BATCH + 1):
-                    self.take(topic)
+                left = topic.subscription.statistics().queued
+                while taken := self.take(topic):
+                    left -= taken
+                    if left <= 0:  # later messages don't keep the recorder from its end
+                        break
 
     def pump(self) -> None:
         """Let the pipeline continue after the pending work of the loop."""

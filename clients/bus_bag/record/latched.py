@@ -54,9 +54,10 @@ class LatchedState(Generic[T]):
         self._kept: dict[tuple[str, bytes], _Kept[T]] = {}
         self.has_unwritten = False
 
-    def is_offered(self, topic: str, publisher: bytes) -> bool:
-        """Whether this publisher keeps messages."""
-        return (topic, publisher) in self._kept
+    def depth(self, topic: str, publisher: bytes) -> int:
+        """The number of messages that this publisher keeps; 0 if it keeps none."""
+        kept = self._kept.get((topic, publisher))
+        return 0 if kept is None else kept.depth
 
     def set_publishers(self, topic: str, depths: Mapping[bytes, int], now_ns: int) -> None:
         """Set the present publishers of `topic` that keep messages: gid -> depth (0: all). Others are gone.

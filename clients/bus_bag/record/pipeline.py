@@ -6,7 +6,6 @@ never waits for the disk: messages that the thread can't accept yet wait in the 
 """
 
 from collections.abc import Callable, Mapping
-from operator import itemgetter
 from pathlib import Path
 from time import monotonic_ns
 
@@ -15,9 +14,10 @@ from bus.vocabulary import DropReason
 from bus_bag.errors import BagError
 from bus_bag.losses import RECORD, LossDates, TopicLosses, to_record
 from bus_bag.record.bag_output import BagOutput
+from bus_bag.record.batch import Batch, Packed, size_of
 from bus_bag.record.cache import Cache
 from bus_bag.record.options import RecordOptions
-from bus_bag.record.topic import Batch, RecordedTopic
+from bus_bag.record.topic import RecordedTopic
 from bus_bag.record.writing import WritingThread
 from bus_bag.storage import BagWriter
 from bus_bag.storage.registry import writable_storage
@@ -33,9 +33,6 @@ _TURN_NS = 2_000_000
 """Longest time of encoding in a turn of the event loop: meanwhile, no messages are taken."""
 
 _Faults = (BusError, OSError)
-
-_payload = itemgetter(0)
-"""The payload of a sample."""
 
 
 class Pipeline:
@@ -78,6 +75,7 @@ class Pipeline:
             run=self._run,
             on_split=on_split,
         )
+        self._takes_packs = self._writer.takes_packs
         self._output = BagOutput(
             self._writer,
             options,
@@ -159,9 +157,15 @@ class Pipeline:
         """
         self._output.set_publishers(topic, depths, is_new=is_new)
 
+    def takes_packs(self, topic: RecordedTopic) -> bool:
+        """Whether messages of `topic` can be put in one buffer."""
+        if topic.program is None or not self._takes_packs:
+            return False
+        return not (self._is_snapshot and topic.is_latched)  # a snapshot tells its latched messages apart
+
     def put(self, topic: RecordedTopic, samples: Batch, *, is_paused: bool) -> None:
         """Add taken messages. While the recording is paused, only the state of latched topics is kept."""
-        size = sum(map(len, map(_payload, samples)))
+        size = size_of(samples)
         if self._is_snapshot:
             self._output.keep(topic, samples, is_written=False)
         if self._thread is None:
@@ -201,7 +205,9 @@ class Pipeline:
         batches = []
         while self._cache.waiting:
             batches.append(self._cache.take())
-        self._output.write_state_before(samples for _, (samples, _, _), _ in batches)
+        self._output.write_state_before(
+            samples for _, (samples, _, _), _ in batches if not isinstance(samples, Packed)
+        )
         for name, (samples, size, is_paused), _ in batches:
             self._output.write(self._output.topics[name], samples, size, is_paused=is_paused)
         self._writer.flush()

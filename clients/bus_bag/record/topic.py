@@ -6,15 +6,17 @@ from typing import Any
 
 from bus.qos import Durability, QoSProfile, Reliability
 from bus.schema import MessageSchema, depth_for
-from bus.subscription import MessageInfo, Subscription, SubscriptionStatistics
+from bus.subscription import Subscription, SubscriptionStatistics
 from bus.vocabulary import DropReason
+from bus_bag.core import program_of
 from bus_bag.losses import TopicLosses
 from bus_bag.metadata import TopicMetadata
 from bus_bag.record.choice import Found
 from bus_bag.record.encoder import encoder_of
 from bus_bag.schemas import SCHEMA, TYPE_HASH, schema_to_text
+from bus_ros.cdr import Codec
 
-__all__ = ["Batch", "RecordedTopic", "Sample", "profile_for"]
+__all__ = ["RecordedTopic", "profile_for"]
 
 
 def profile_for(schema: MessageSchema) -> QoSProfile:
@@ -27,10 +29,6 @@ def profile_for(schema: MessageSchema) -> QoSProfile:
     )
 
 
-Sample = tuple[bytes, MessageInfo]
-Batch = list[Sample]
-
-
 class RecordedTopic:
     """A topic that is recorded. `schema` describes the type of `found`."""
 
@@ -40,6 +38,8 @@ class RecordedTopic:
         self.encoder, self.why_json = encoder_of(schema)
         self.encode: Callable[[Any], list[Any]] = self.encoder.encode
         self.encode_many: Callable[[Iterable[Any]], list[bytes]] = self.encoder.encode_many
+        self.program = program_of(self.encoder.shape) if isinstance(self.encoder, Codec) else None
+        """Encodes messages in the native core; None if it can't."""
         self.schema = schema
         self.subscription: Subscription[Any] | None = None
         self.is_lossless = False

@@ -1,8 +1,8 @@
 """Files of bags in any format: the methods to read and write them, and the values that reading returns."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal, Protocol, TypeAlias
+from typing import Any, Literal, Protocol, TypeAlias, runtime_checkable
 
 import msgspec
 
@@ -16,7 +16,9 @@ __all__ = [
     "Buffer",
     "Gatherer",
     "Order",
+    "PackGatherer",
     "Problem",
+    "Records",
     "Stamp",
     "Summary",
 ]
@@ -25,6 +27,9 @@ Buffer: TypeAlias = bytes | bytearray | memoryview
 Order: TypeAlias = Literal["log_time", "publish_time"]
 Stamp: TypeAlias = tuple[int, int, int, object, object]
 """Publish time, log time, the publisher's number, and fields that are not used here: a `MessageInfo`."""
+
+Records: TypeAlias = Callable[[Buffer, int, int, int], tuple[Buffer, bytes] | None]
+"""Makes the records of a buffer of messages: see `bus_bag.core.Program.records`."""
 
 
 class BagMessage(msgspec.Struct, gc=False):
@@ -127,6 +132,16 @@ class Gatherer(Protocol):
     def close(self) -> Any:
         """Remove the gathered messages and return them for `write_chunk`. They have a `size`. None if there
         are none."""
+        ...
+
+
+@runtime_checkable
+class PackGatherer(Gatherer, Protocol):
+    """Also gathers messages in one buffer."""
+
+    def add_packed(self, channel: int, log_time: int, data: Buffer, records: Records) -> int:
+        """Add messages of one topic, as `Subscription.take_packed` takes them; returns the bytes that they
+        use. Returns 0 and adds nothing if `records` refuses them."""
         ...
 
 

@@ -3,13 +3,13 @@
 This is the hot path of recording: no part is joined before the chunk is closed, and long parts never are.
 """
 
-import zlib
 from array import array
 from collections.abc import Sequence
 from itertools import accumulate, repeat
 from typing import Any
 
-from bus_bag.storage.bag_file import Buffer, Stamp
+from bus_bag.core import crc32
+from bus_bag.storage.bag_file import Buffer, Records, Stamp
 from bus_bag.storage.mcap_format import CHUNK_HEAD, MESSAGE, RECORD, Opcode
 
 __all__ = ["Chunk", "ChunkBuilder"]
@@ -21,6 +21,7 @@ _HEAD = MESSAGE.size
 _BEFORE = _HEAD - 9
 """Size of a record's content before the message."""
 _MAX_SEQUENCE = 0xFFFFFFFF
+_MAX_TIME = (1 << 64) - 1
 _pack = MESSAGE.pack
 
 
@@ -30,15 +31,22 @@ class Chunk:
     __slots__ = ("end", "has_long_parts", "index", "pieces", "size", "start")
 
     def __init__(
-        self, pieces: list[Buffer], size: int, index: dict[int, "array[int]"], *, has_long_parts: bool
+        self,
+        pieces: list[Buffer],
+        size: int,
+        index: dict[int, "array[int]"],
+        start: int,
+        end: int,
+        *,
+        has_long_parts: bool,
     ) -> None:
         self.pieces = pieces
         self.size = size
         self.index = index
         """Channel -> log time and offset of each message, alternating."""
         self.has_long_parts = has_long_parts
-        self.start = min(min(entries[::2]) for entries in index.values())
-        self.end = max(max(entries[::2]) for entries in index.values())
+        self.start, self.end = start, end
+        """The first and the last log time."""
 
     @property
     def counts(self) -> dict[int, int]:
@@ -49,7 +57,7 @@ class Chunk:
         """CRC of all records."""
         value = 0
         for piece in self.pieces:
-            value = zlib.crc32(piece, value)
+            value = crc32(piece, value)
         return value
 
     def head(self, compression: str, stored: int, crc: int) -> bytes:
@@ -88,7 +96,7 @@ class Chunk:
 class ChunkBuilder:
     """Gathers messages. Added parts must not change before the chunk is written."""
 
-    __slots__ = ("_index", "_pieces", "_short", "size")
+    __slots__ = ("_end", "_has_long_parts", "_index", "_pieces", "_short", "_start", "size")
 
     def __init__(self) -> None:
         self._begin()
@@ -98,6 +106,19 @@ class ChunkBuilder:
         self._pieces: list[Buffer] = []
         self._short: list[Buffer] = []
         self._index: dict[int, array[int]] = {}
+        self._has_long_parts = False
+        self._start = self._end = -1
+
+    def _entries(self, channel: int, first: int, last: int) -> "array[int]":
+        """The index of a channel, to add messages with log times from `first` to `last`."""
+        if first < self._start or not self._index:
+            self._start = first
+        if last > self._end:
+            self._end = last
+        entries = self._index.get(channel)
+        if entries is None:
+            entries = self._index[channel] = array("Q")
+        return entries
 
     def add(
         self, channel: int, log_time: int, publish_time: int, sequence: int, parts: Sequence[Buffer]
@@ -106,10 +127,8 @@ class ChunkBuilder:
         length = 22
         for part in parts:
             length += len(part)
-        head = _pack(5, length, channel, sequence & 0xFFFFFFFF, log_time, publish_time)
-        entries = self._index.get(channel)
-        if entries is None:
-            entries = self._index[channel] = array("Q")
+        head = _pack(5, length, channel, sequence & _MAX_SEQUENCE, log_time, publish_time & _MAX_TIME)
+        entries = self._entries(channel, log_time, log_time)
         entries.append(log_time)
         entries.append(self.size)
         short = self._short
@@ -121,8 +140,8 @@ class ChunkBuilder:
                 if len(part) < LONG:
                     self._short.append(part)
                 else:
-                    self._pieces += (b"".join(self._short), part)
-                    self._short = []
+                    self._has_long_parts = True
+                    self._add_piece(part)
         length += 9
         self.size += length
         return length
@@ -138,6 +157,8 @@ class ChunkBuilder:
         publish_times, log_times, sequences, _, _ = zip(*stamps, strict=True)
         if max(sequences) > _MAX_SEQUENCE:
             sequences = tuple(one & _MAX_SEQUENCE for one in sequences)
+        if max(publish_times) > _MAX_TIME or min(publish_times) < 0:  # the stamps of a hostile publisher
+            publish_times = tuple(one & _MAX_TIME for one in publish_times)
         lengths = [length + _BEFORE for length in map(len, messages)]
         begin = self.size
         offsets = list(accumulate([length + 9 for length in lengths], initial=begin))
@@ -151,19 +172,44 @@ class ChunkBuilder:
         places: list[int] = [0] * (2 * count)
         places[::2] = log_times
         places[1::2] = offsets
-        entries = self._index.get(channel)
-        if entries is None:
-            entries = self._index[channel] = array("Q")
+        entries = self._entries(channel, min(log_times), max(log_times))
         entries += array("Q", places)
         return self.size - begin
+
+    def add_packed(self, channel: int, log_time: int, data: Buffer, records: Records) -> int:
+        """See `PackGatherer`."""
+        made = records(data, channel, log_time, self.size)
+        if made is None:
+            return 0
+        piece, places = made
+        self._entries(channel, log_time, log_time).frombytes(places)
+        if len(piece) < LONG:
+            self._short.append(piece)
+        else:
+            self._add_piece(piece)
+        self.size += len(piece)
+        return len(piece)
+
+    def _add_piece(self, piece: Buffer) -> None:
+        """Add a piece that is not joined with others."""
+        if self._short:
+            self._pieces.append(b"".join(self._short))
+            self._short = []
+        self._pieces.append(piece)
 
     def close(self) -> Chunk | None:
         """Remove and return the gathered messages; None if there are none."""
         if not self._index:
             return None
-        has_long_parts = bool(self._pieces)
         if self._short:
             self._pieces.append(b"".join(self._short))
-        chunk = Chunk(self._pieces, self.size, self._index, has_long_parts=has_long_parts)
+        chunk = Chunk(
+            self._pieces,
+            self.size,
+            self._index,
+            self._start,
+            self._end,
+            has_long_parts=self._has_long_parts,
+        )
         self._begin()
         return chunk

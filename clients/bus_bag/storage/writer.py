@@ -15,7 +15,7 @@ from bus_bag.metadata import (
     to_record,
     to_yaml,
 )
-from bus_bag.storage.bag_file import Buffer, Stamp
+from bus_bag.storage.bag_file import Buffer, PackGatherer, Records, Stamp
 from bus_bag.storage.bag_files import BagFiles
 from bus_bag.storage.registry import DEFAULT, WritableStorage
 
@@ -63,6 +63,7 @@ class BagWriter:
         self._run = run or _run_at_once
         self._on_split = on_split
         self._builder = storage.gather()
+        self._packs = self._builder if isinstance(self._builder, PackGatherer) else None
         self._limit = storage.chunk_bytes(preset)
         self._topics: list[tuple[int, TopicMetadata, Mapping[str, str]]] = []
         self._schemas: dict[tuple[str, str], int] = {}
@@ -120,6 +121,19 @@ class BagWriter:
         This is faster than one by one. They go into one chunk, whatever their number.
         """
         taken = self._builder.add_many(channel, stamps, messages)
+        if self._builder.size >= self._limit:
+            self.flush()
+        return taken
+
+    @property
+    def takes_packs(self) -> bool:
+        """Whether the storage has `write_packed`."""
+        return self._packs is not None
+
+    def write_packed(self, channel: int, log_time: int, data: Buffer, records: Records) -> int:
+        """Add messages in one buffer; returns the bytes that they use. Returns 0 and adds nothing if
+        `records` refuses them. See `PackGatherer`."""
+        taken = 0 if self._packs is None else self._packs.add_packed(channel, log_time, data, records)
         if self._builder.size >= self._limit:
             self.flush()
         return taken

@@ -17,7 +17,7 @@ from bus.wire.runs import Buffer
 from bus_ros.cdr.decoder import REPRESENTATIONS, decoder
 from bus_ros.cdr.definition import parse, write
 from bus_ros.cdr.encoder import LONG, encoder
-from bus_ros.cdr.shapes import describe
+from bus_ros.cdr.shapes import Message, describe
 
 __all__ = ["CdrError", "Codec", "codec_of", "schema_of_definition"]
 
@@ -48,6 +48,8 @@ class Codec:
     """The text of the type and of all types that it needs, as bag files have it ("ros2msg")."""
     as_json: tuple[str, ...]
     """The fields that ROS 2 can't describe, such as `local/msg/Wheel.extra`: JSON texts in CDR."""
+    shape: Message
+    """The encoding of the type, for other encoders of it."""
 
     def __init__(self, schema: MessageSchema) -> None:
         description = schema.description
@@ -58,7 +60,7 @@ class Codec:
         self.definition = write(described.schema)
         self.as_json = described.as_json
         self._description = description
-        self._shape = described.shape
+        self.shape = described.shape
         self._decoders: dict[bytes, Callable[[Buffer], Any]] = {}
         self._encode_short: Callable[[Buffer], bytes] = self._first_short
         self._encode_long: Callable[[Buffer], list[Buffer]] = self._first_long
@@ -75,7 +77,7 @@ class Codec:
         try:
             return [self._encode_short(payload)] if len(payload) < LONG else self._encode_long(payload)
         except _WRONG as error:
-            raise CdrError(f"no payload of {self._shape.name}: {error}") from None
+            raise CdrError(f"no payload of {self.shape.name}: {error}") from None
 
     def encode_many(self, payloads: Iterable[Buffer]) -> list[bytes]:
         """CDR messages in one piece each, faster than one `encode` for each; for short messages.
@@ -85,7 +87,7 @@ class Codec:
         try:
             return list(map(self._encode_short, payloads))
         except _WRONG as error:
-            raise CdrError(f"no payload of {self._shape.name}: {error}") from None
+            raise CdrError(f"no payload of {self.shape.name}: {error}") from None
 
     def decode(self, data: Buffer) -> bytes:
         """The MessagePack payload of a CDR message, as `publish_encoded` takes it.
@@ -107,12 +109,12 @@ class Codec:
             raise CdrError(f"no CDR message of {self.type_name}: {error}") from None
 
     def _first_short(self, payload: Buffer) -> bytes:
-        encode: Callable[[Buffer], bytes] = encoder(self._description, self._shape, False)
+        encode: Callable[[Buffer], bytes] = encoder(self._description, self.shape, False)
         self._encode_short = encode
         return encode(payload)
 
     def _first_long(self, payload: Buffer) -> list[Buffer]:
-        encode: Callable[[Buffer], list[Buffer]] = encoder(self._description, self._shape, True)
+        encode: Callable[[Buffer], list[Buffer]] = encoder(self._description, self.shape, True)
         self._encode_long = encode
         return encode(payload)
 
@@ -120,7 +122,7 @@ class Codec:
         representation = REPRESENTATIONS.get(head)
         if representation is None or size < 4:
             raise ValueError(f"it begins with {head.hex(' ')}" if size >= 4 else f"it has {size} bytes")
-        made = self._decoders[head] = decoder(self._description, self._shape, representation)
+        made = self._decoders[head] = decoder(self._description, self.shape, representation)
         return made
 
 

@@ -15,7 +15,7 @@ from wheels.contents import check_wheel
 INFO = "busd-1.2.3.dist-info"
 PURE, NATIVE = "py3-none-any", "cp311-abi3-manylinux_2_28_x86_64"
 CORE = "bus/shm/_core.abi3.so"
-OTHER = {"bus_tf2/core/_core.abi3.so": ""}
+OTHER = {"bus_tf2/core/_core.abi3.so": "", "bus_bag/core/_core.abi3.so": ""}
 
 Make = Callable[..., Path]
 
@@ -86,7 +86,7 @@ def test_a_pure_wheel_that_is_wrong(
 @pytest.mark.parametrize(
     ("tag", "more", "fault"),
     [
-        (NATIVE, OTHER, "has 1 native cores, wanted: 2"),
+        (NATIVE, OTHER, "has 2 native cores, wanted: 3"),
         (
             "cp311-abi3-linux_x86_64",
             {CORE: "", **OTHER},

@@ -488,6 +488,9 @@ class TestHold:
         other.write(b"d")
         found = listener.reader.take_packed(1000, 500, 0)
         assert found is not None and found[0] == 2 and found[-1] is False  # no other message may be taken
+        other.write(b"e")
+        found = listener.reader.take_merged(1000, 500, 0)
+        assert found is not None and (found[0], found[2]) == (2, 1)
         listener.reader.hold(1, False)
         assert listener.take() == [b"a", b"b"]
 

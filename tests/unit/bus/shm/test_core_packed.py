@@ -99,6 +99,53 @@ class TestTaking:
         ]
         second.close()
 
+    @settings(max_examples=50, deadline=None)
+    @given(
+        st.lists(st.tuples(st.integers(0, 2), st.integers(0, 220)), min_size=1, max_size=40),
+        st.integers(1, 2000),
+        st.integers(0, 3),
+    )
+    def test_merged_as_take_does_it(self, messages: list[tuple[int, int]], most: int, depth: int) -> None:
+        talkers = [Talker(1 << 20, 4096, keep=1000) for _ in range(3)]
+        one, other = Listener(depth * 7), Listener(depth * 7)
+        for end in (one, other):
+            for number, writing in enumerate(talkers):
+                end.join(writing, number, start=1)
+        for source, size in messages:
+            talkers[source].write(bytes([source]) * size)
+        expected = [
+            (source, seq, stamp_ns + _OFFSET_NS, payload)
+            for payload, stamp_ns, seq, source, _ in one.reader.take(1000, bytes)
+        ]
+        done = 0
+        while other.reader.waiting():
+            pack = other.reader.take_merged(most, 200, _OFFSET_NS)
+            if pack is None:
+                ((payload, stamp_ns, seq, source, _),) = other.reader.take(1, bytes)
+                assert len(payload) >= 200 or len(payload) + 20 > most
+                assert expected[done] == (source, seq, stamp_ns + _OFFSET_NS, payload)
+                done += 1
+                continue
+            origin, data, count, size, last_at, is_consecutive, has_more = pack
+            samples, wanted = unpack(data), expected[done : done + count]
+            done += count
+            assert samples == [sample[1:] for sample in wanted]
+            assert len(data) <= most and size == len(data) - 20 * count
+            assert last_at == len(data) - 20 - len(samples[-1][2])
+            sources = {source for source, *_ in wanted}
+            assert origin == (sources.pop() if len(sources) == 1 else None)
+            numbers = [seq for seq, *_ in samples]
+            follow = numbers == [*range(numbers[0], numbers[0] + count)]
+            assert is_consecutive is (follow and origin is not None)
+            assert has_more is (other.reader.waiting() > 0)
+        assert done == len(expected)
+        assert one.reader.samples == other.reader.samples == done
+        assert (one.reader.bytes, one.reader.replaced) == (other.reader.bytes, other.reader.replaced)
+        for writing in talkers:
+            writing.close()
+        one.close()
+        other.close()
+
     def test_what_the_depth_passes_over_is_counted(self, talker: Talker) -> None:
         listener = Listener(3)
         listener.join(talker)
@@ -134,6 +181,8 @@ class TestTaking:
     def test_wrong_arguments(self, listener: Listener) -> None:
         with pytest.raises(TypeError):
             listener.reader.take_packed(1000)  # type: ignore[call-arg]
+        with pytest.raises(TypeError):
+            listener.reader.take_merged(1000, 1)  # type: ignore[call-arg]
         with pytest.raises((OverflowError, TypeError)):
             listener.reader.take_packed(-1, 10, 0)
 

@@ -23,8 +23,8 @@ def kept(made: LatchedState[int], now_ns: int = 0) -> list[int]:
 
 def test_as_much_as_each_publisher_keeps() -> None:
     made = state({A: 1, B: 2})
-    assert made.is_offered("/map", A)
-    assert not made.is_offered("/other", A)
+    assert made.depth("/map", A) == 1
+    assert not made.depth("/other", A)
     add(made, A, 1, 2, 3)
     add(made, B, 11, 12, 13)
     assert kept(made) == [3, 12, 13]

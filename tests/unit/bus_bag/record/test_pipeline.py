@@ -12,13 +12,16 @@ from bus.qos import QoSProfile
 from bus.schema import MessageSchema
 from bus.subscription import MessageInfo, SubscriptionStatistics
 from bus.types.support import type_support
+from bus_bag.core import Program
 from bus_bag.errors import BagError
 from bus_bag.losses import TopicLosses
+from bus_bag.record.batch import Packed
 from bus_bag.record.choice import Found, Wanted
 from bus_bag.record.options import RecordOptions
 from bus_bag.record.pipeline import Pipeline
 from bus_bag.record.topic import RecordedTopic
 from bus_plot.loss_timeline import Slot
+from packing import pack_of
 from recording import Bag
 
 SCHEMA = MessageSchema.of(String)
@@ -38,9 +41,13 @@ class Counted:
 
 
 class World:
-    """A pipeline with topics. If `is_slow` is true, every job on the disk waits."""
+    """A pipeline with topics. If `is_slow` is true, every job on the disk waits. If `is_packed` is true,
+    messages that are put together are in one buffer."""
 
-    def __init__(self, folder: Path, *, is_slow: bool = False, **options: Any) -> None:
+    def __init__(
+        self, folder: Path, *, is_slow: bool = False, is_packed: bool = False, **options: Any
+    ) -> None:
+        self._is_packed = is_packed
         self.may_write = threading.Event()
         self.progress = threading.Semaphore(0)
         self.rejected: list[str] = []
@@ -74,15 +81,20 @@ class World:
         self.pipeline.set_publishers(topic, {b"gid": 1} if is_latched else {}, is_new=True)
         return topic
 
-    def put_together(self, topic: RecordedTopic, *texts: str, at: list[int]) -> None:
-        """Put the messages as one batch, each with its time."""
+    def put_together(self, topic: RecordedTopic, *texts: str, at: list[int], is_paused: bool = False) -> None:
+        """Put the messages as one batch, each with its time. One that begins with `?` is no message."""
         counted = self._counted[topic.name]
         batch = []
         for text, time in zip(texts, at, strict=True):
             counted.delivered += 1
-            info = MessageInfo(time, time, counted.delivered, counted.delivered, b"gid")
-            batch.append((encode(String(data=text)), info))
-        self.pipeline.put(topic, batch, is_paused=False)
+            info = MessageInfo(time + 1, time, counted.delivered, counted.delivered, b"gid")
+            payload = text.encode() if text.startswith("?") else encode(String(data=text))
+            batch.append((payload, info))
+        if self._is_packed:
+            assert self.pipeline.takes_packs(topic)
+            self.pipeline.put(topic, Packed(pack_of(batch)), is_paused=is_paused)
+        else:
+            self.pipeline.put(topic, batch, is_paused=is_paused)
 
     def put(self, topic: RecordedTopic, *texts: str, at: int = 0, is_paused: bool = False) -> None:
         counted = self._counted[topic.name]
@@ -193,6 +205,59 @@ def test_a_file_that_begins_within_a_batch_has_what_the_batch_brought_before(fol
         [1, 2],
         [2, 3],
     ]
+
+
+def _story(world: World, *, has_snapshots: bool) -> dict[str, TopicLosses]:
+    """Messages of many kinds: latched ones, some in a pause, some that don't have the type, several files."""
+    latched, plain = world.topic("/map", is_latched=True), world.topic("/topic")
+    for number in range(12):
+        at = [number * 10**9] * 40
+        world.put_together(plain, *(f"{number} {'ü' * one}" for one in range(40)), at=at)
+        if not has_snapshots:
+            world.put_together(latched, "old", f"map {number}", at=at[:2], is_paused=number in (5, 6))
+        elif number % 4 == 1:
+            world.pipeline.snapshot()
+        if number in (3, 9):
+            world.put_together(plain, "a", "?", "b", *(f"{one}" for one in range(200)), at=at[:1] * 203)
+            world.put_together(plain, "?", at=at[:1])
+        if number == 7:
+            world.pipeline.resume()
+            world.pipeline.split()
+        world.pipeline.pump()
+    if has_snapshots:
+        world.pipeline.snapshot()
+    world.pipeline.flush()
+    return world.finish()
+
+
+@pytest.mark.skipif(Program is None, reason="BUS_NATIVE=no")
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"max_bag_duration": 2.5},
+        {"max_bag_size": 9000, "max_bag_files": 2},
+        {"preset": "fastwrite"},
+        {"preset": "zstd_fast", "max_bag_duration": 5},
+        {"preset": "zstd_small"},
+        {"is_snapshot": True, "max_cache_size": 30_000},
+        {"max_cache_size": 0},
+    ],
+    ids=repr,
+)
+def test_the_same_files_from_buffers_as_one_by_one(tmp_path: Path, options: dict[str, Any]) -> None:
+    """Byte for byte, with the same counters and the same refused messages."""
+    found = []
+    for is_packed in (False, True):
+        folder = tmp_path / str(is_packed) / "walk"
+        folder.parent.mkdir()
+        world = World(folder, is_packed=is_packed, **options)
+        losses = _story(world, has_snapshots="is_snapshot" in options)
+        files = {path.name: path.read_bytes() for path in folder.iterdir()}
+        found.append((files, losses, world.rejected, world.splits, world.pipeline.written_bytes))
+        assert world.bag.metadata.message_count > 100
+    assert found[0] == found[1]
+    assert found[0][1]["/topic"].lost.get("undecodable") == 4 or "is_snapshot" in options
 
 
 def test_what_came_in_a_pause_is_taken_up_as_state(folder: Path) -> None:
