@@ -32,7 +32,7 @@ from bus_bag.record.topic import profile_for
 
 FOLDER = "BENCH_BAGS"
 """In the environment: the folder for bags, in memory."""
-RECORD, COUNT = "record", "count"
+RECORD, COUNT, WRITE = "record", "count", "write"
 """Ways to take messages (`Work.take_by`)."""
 _LOOK_S = 0.002
 _END_S, _LIMIT_S = 5.0, 60.0
@@ -130,7 +130,7 @@ async def subscriber(parent: Parent) -> None:
     """Take a flood, as `work.take_by` says, or run beside a paced stream until the end."""
     work: Work = options(Work)
     async with bus.Node("bench_subscriber", rosout=False) as node:
-        take = _record_flood if work.take_by == RECORD else _count_flood
+        take = _record_flood if work.take_by == RECORD else _take_flood
         await take(parent, node, work)
         await asyncio.Event().wait()
 
@@ -140,6 +140,9 @@ async def _record_flood(parent: Parent, node: bus.Node, work: Work) -> None:
     with _recording(node, overrides) as recorder:
         parent.tell("ready")
         if work.rate:
+            await parent.wait_for("report")
+            await _until_written(recorder, work.total, _END_S)
+            parent.tell("received", count=recorder.pipeline.messages, dropped=_lost(recorder))
             await asyncio.Event().wait()
         for event, count in (("warm", work.warm_up), ("received", work.total)):
             end_ns = await _until_written(recorder, count, _LIMIT_S)
@@ -147,11 +150,18 @@ async def _record_flood(parent: Parent, node: bus.Node, work: Work) -> None:
         await asyncio.Event().wait()
 
 
-async def _count_flood(parent: Parent, node: bus.Node, work: Work) -> None:
+async def _take_flood(parent: Parent, node: bus.Node, work: Work) -> None:
+    """Count the messages, or also write each to a file."""
     left, reached = work.warm_up, asyncio.Event()
+    file = None
+    if work.take_by == WRITE:
+        keep_freed_memory()
+        file = _raw_file()
 
     def count(payload: bytes) -> None:
         nonlocal left
+        if file is not None:
+            os.write(file, payload)
         left -= 1
         if not left:
             reached.set()
@@ -239,10 +249,15 @@ async def robots_taker(parent: Parent) -> None:
         await _write_all(parent, node, work)
 
 
+def _raw_file() -> int:
+    """A new file for messages without records."""
+    return os.open(Path(os.environ[FOLDER]) / "raw", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+
+
 async def _write_all(parent: Parent, node: bus.Node, work: Robot) -> None:
     keep_freed_memory()
     written = 0
-    file = os.open(Path(os.environ[FOLDER]) / "raw", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+    file = _raw_file()
 
     def write(payload: bytes) -> None:
         nonlocal written

@@ -5,6 +5,7 @@ import threading
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -208,3 +209,47 @@ async def test_a_lossless_topic_waits_for_the_disk(node: bus.Node, bag: Bag) -> 
         await sending
         await until(lambda: recorder.pipeline.losses()["/topic"].written == count)
     assert bag.losses()["/topic"] == TopicLosses(count, count)
+
+
+@pytest.mark.usefixtures("route")
+async def test_a_flood_of_several_publishers(bag: Bag) -> None:
+    """All messages are in the file, in the order in which they were published; each one by its own number.
+
+    Messages that are not of the type are counted, and their neighbours are recorded.
+    """
+    count, wrong = 2000, 5
+    sizes = (0, 1, 70, 300, 5000, 17_000)
+    options = {"overrides": {"/topic": KEEP_ALL}, "wanted": Wanted(topics=frozenset(["/topic"]))}
+    async with bus.Node("one") as one, bus.Node("other") as other:
+        publishers = [await node.create_publisher(String, "topic", KEEP_ALL) for node in (one, other)]
+        async with recording(bag, max_bag_size=3_000_000, **options) as recorder:
+            for publisher in publishers:
+                await publisher.wait_for_subscriptions()
+
+            async def flood(publisher: bus.Publisher[Any]) -> None:
+                for number in range(count):
+                    await publisher.send(String(data=f"{number}:" + "ü" * sizes[number % 50 % len(sizes)]))
+                    if number % (count // wrong) == 100:
+                        while not publisher.publish_encoded(b"\x91\xa2\xff\xff"):  # noqa: ASYNC110
+                            await asyncio.sleep(0.001)
+
+            await asyncio.gather(*map(flood, publishers))
+            await until(lambda: recorder.pipeline.losses()["/topic"].written == 2 * count)
+    lost = {"undecodable": 2 * wrong}
+    losses = bag.losses()["/topic"]
+    assert (losses.expected, losses.written, losses.lost) == (2 * (count + wrong), 2 * count, lost)
+    assert len(bag.files) > 1
+    messages = [message for file in bag.files for *_, message in bag.messages(file)]
+    times = [message.publish_time for message in messages]
+    assert sorted(message.sequence for message in messages) == sorted(
+        [number + 1 + (number + 299) // 400 for number in range(count)] * 2
+    )
+    assert all(message.log_time >= message.publish_time - 1_000_000 for message in messages)
+    by_text: dict[str, list[int]] = {}
+    for index, text in enumerate(bag.texts()):
+        by_text.setdefault(text.partition(":")[0], []).append(index)
+    assert len(by_text) == count
+    assert all(len(places) == 2 for places in by_text.values())
+    # Batches come one after the other; within a batch, publishers are merged.
+    assert sum(before > after for before, after in pairwise(times)) < len(times) // 4
+    assert bag.read_by_others() == 2 * count
