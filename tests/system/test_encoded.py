@@ -325,6 +325,19 @@ class TestPacks:
             assert one.statistics().delivered == len(sent) and not one.statistics().dropped
         assert far.statistics().published == len(sent)
 
+    @pytest.mark.parametrize("qos", [200, KEEP_ALL], ids=["keep last", "keep all"])
+    async def test_they_go_on_after_single_messages(self, node: bus.Node, route: str, qos: Any) -> None:
+        publisher = await node.create_publisher(Wheel, "t", qos)
+        tap = await node.create_subscription(None, "t", qos, raw=True)
+        await publisher.wait_for_subscriptions()
+        for _ in range(150):
+            publisher.publish_encoded(encoded())
+        await until(lambda: tap.statistics().queued == 150)
+        assert [len(tap.take_many(limit)) for limit in (1, 65, 3)] == [1, 65, 3]
+        pack = tap.take_packed(60_000, 10_000)
+        assert (pack is not None and pack.messages) == (81 if route == "shm" else False)
+        assert len(tap.take_many(200)) == (0 if route == "shm" else 81)
+
     async def test_there_may_be_no_room(self, node: bus.Node) -> None:
         publisher = await node.create_publisher(Wheel, "t", KEEP_ALL)
         subscription = await node.create_subscription(None, "t", KEEP_ALL, raw=True)

@@ -238,18 +238,20 @@ class Receiver(Generic[M]):
         self._dropped[reason] = self._dropped.get(reason, 0) + count
         self._on_drop(reason, count)
 
-    def take(self, limit: int = 1) -> Taken[M] | None:
+    def take(self, limit: int = 1, *, is_most: bool = False) -> Taken[M] | None:
         """Take the oldest message, as in `Taken`; None without one.
 
         `limit`: how many samples may be decoded at once. A decoded sample counts as taken: a newer one does
         not replace it. So the limit is 1, unless nothing is ever replaced, or no sample can come in between.
+        With `is_most`, no more samples of a ring are decoded, even if nothing is ever replaced.
         """
         ahead, runs = self.ahead, self._queue.runs
         while not ahead:
             if not runs:
                 if self.reader is None:
                     return None
-                batch = self.reader.take(limit if self._queue.depth else _MOST_AT_ONCE, self._decode)
+                at_once = limit if self._queue.depth or is_most else _MOST_AT_ONCE
+                batch = self.reader.take(at_once, self._decode)
                 if self.reader.undecodable != self._rejected:
                     self._reject_from_rings(self.reader)
                 elif not batch:
@@ -272,7 +274,8 @@ class Receiver(Generic[M]):
         """Take up to `limit` of the oldest messages, in as few steps as possible."""
         ahead, runs, reader = self.ahead, self._queue.runs, self.reader
         found: list[Taken[M]] = []
-        while (left := limit - len(found)) > 0 and (taken := self.take(left)) is not None:
+        # Decoded samples that are left over could not be taken packed.
+        while (left := limit - len(found)) > 0 and (taken := self.take(left, is_most=True)) is not None:
             found.append(taken)
             if len(ahead) < left:
                 found += ahead
