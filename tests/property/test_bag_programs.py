@@ -13,14 +13,14 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from bus.schema import MessageSchema
-from bus_bag.core import program_of
+from bus_bag.core import Program, program_of
 from bus_bag.storage.chunk import ChunkBuilder
 from bus_ros.cdr import CdrError, Codec, codec_of
 from effort import examples
 from packing import packed
 from payloads import Filler
 
-pytest.importorskip("bus_bag.core._core", reason="BUS_NATIVE=no")
+pytestmark = pytest.mark.skipif(Program is None, reason="BUS_NATIVE=no")
 
 WORLD = "demo/msg/World"
 _INTEGERS = [f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)]

@@ -1,11 +1,10 @@
 """Messages of one topic that were taken together: one by one, or back to back in one buffer. Pure."""
 
-from collections.abc import Iterator
-from itertools import islice
 from operator import itemgetter
 from struct import Struct
 from typing import TypeAlias
 
+from bus import shm
 from bus.subscription import MessageInfo, Pack
 
 __all__ = ["Batch", "Packed", "Sample", "log_time_of", "size_of"]
@@ -39,18 +38,18 @@ class Packed:
 
     def samples(self, newest: int | None = None) -> list[Sample]:
         """The messages one by one: all, or only the `newest`."""
-        first = 0 if newest is None else max(0, self.count - newest)
-        return list(islice(self._samples(first), first, None))
-
-    def _samples(self, first: int) -> Iterator[Sample]:
-        """All messages; those before `first` without their payload."""
-        data, at = self.data, 0
-        for index in range(self.count):
+        data, at, left = self.data, 0, self.count
+        if newest is not None and newest < left:
+            at = shm.native.scan_packed(data, 0, left - newest)[1]
+            left = newest
+        found: list[Sample] = []
+        for _ in range(left):
             number, publish_time, size = _HEAD.unpack_from(data, at)
             at += _HEAD.size
-            payload = data[at : at + size] if index >= first else b""
+            info = MessageInfo(publish_time, self.log_time, number, 0, self.publisher_gid)
+            found.append((data[at : at + size], info))
             at += size
-            yield payload, MessageInfo(publish_time, self.log_time, number, 0, self.publisher_gid)
+        return found
 
 
 Batch: TypeAlias = list[Sample] | Packed
