@@ -1,7 +1,10 @@
 """Programs of message types, and the native core that runs them: values at the limits, hostile packs, CRC."""
 
 import math
+import os
 import struct
+import subprocess
+import sys
 import zlib
 from struct import Struct
 from typing import Any
@@ -289,7 +292,7 @@ class TestHostilePacks:
             with pytest.raises((TypeError, OverflowError)):
                 program.records(*wrong)
         with pytest.raises(TypeError):
-            Program("text")
+            Program("text")  # type: ignore[arg-type]
 
 
 def test_records_of_an_empty_pack() -> None:
@@ -328,3 +331,21 @@ def test_a_message_of_busd_has_a_program() -> None:
             of = codec_of(bus.MessageSchema.of(getattr(module, name)))
             payload = msgspec.msgpack.encode(getattr(module, name)())
             assert records(of, payload) == expected(of, payload) is not None, name
+
+
+WITHOUT_CORE = """
+import zlib, bus
+from bus.msg.std_msgs import String
+from bus_bag.core import Program, crc32, program_of
+from bus_ros.cdr import codec_of
+print(Program, program_of(codec_of(bus.MessageSchema.of(String)).shape), crc32 is zlib.crc32)
+"""
+
+
+def test_without_the_core() -> None:
+    """There are no programs then, and the CRC is zlib's."""
+    environ = {**os.environ, "BUS_NATIVE": "no", "PYTHONPATH": os.pathsep.join(sys.path)}
+    done = subprocess.run(
+        [sys.executable, "-c", WITHOUT_CORE], env=environ, capture_output=True, text=True, check=True
+    )
+    assert done.stdout == "None None True\n"

@@ -238,3 +238,14 @@ def test_an_unknown_preset(tmp_path: Path) -> None:
 def test_what_no_storage_begins_like_is_taken_for_mcap(tmp_path: Path) -> None:
     (tmp_path / "walk").write_bytes(b"SQLit")
     assert storage_of(tmp_path / "walk") is registry.DEFAULT
+
+
+def test_a_storage_may_take_messages_in_buffers(tmp_path: Path) -> None:
+    register(LinesStorage())
+    writer = BagWriter(tmp_path / "one", storage=writable_storage("lines"))
+    assert not writer.takes_packs
+    assert writer.write_packed(0, 0, b"", lambda *_: (b"record", b"")) == 0
+    writer.close()
+    other = BagWriter(tmp_path / "other")
+    assert other.takes_packs
+    other.close()
