@@ -6,11 +6,11 @@ import re
 import signal
 import subprocess
 import sys
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager, suppress
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 from uuid import uuid4
 
 import pytest
@@ -82,12 +82,30 @@ class Program:
 @asynccontextmanager
 async def running(folder: Path, *command: str | Path, **variables: str) -> AsyncIterator[Program]:
     """A Python program with its temporary files in `folder`; killed if it still runs after the test."""
+    async with _watched(folder, [*map(str, command)], _begin, variables) as program:
+        yield program
+
+
+@asynccontextmanager
+async def running_command(folder: Path, *command: str | Path, **variables: str) -> AsyncIterator[Program]:
+    """As `running`, for any program."""
+    async with _watched(folder, [*map(str, command)], _begin_command, variables) as program:
+        yield program
+
+
+Begin: TypeAlias = Callable[[list[str], int, dict[str, str]], Fork | subprocess.Popen[bytes]]
+
+
+@asynccontextmanager
+async def _watched(
+    folder: Path, words: list[str], begin: Begin, variables: dict[str, str]
+) -> AsyncIterator[Program]:
     mark = str(uuid4())  # in the environment of its children, too
     # For asyncio, any text except an empty one means yes.
     given = {"PYTHONASYNCIODEBUG": "", "TMPDIR": str(folder), **variables, "PROGRAM": mark}
     output, theirs = os.pipe()
     try:
-        process = _begin([*map(str, command)], theirs, {**os.environ, **given})
+        process = begin(words, theirs, {**os.environ, **given})
     finally:
         os.close(theirs)
     program = Program(process, output, mark)
@@ -105,8 +123,12 @@ def _begin(words: list[str], output: int, environment: dict[str, str]) -> Fork |
     """Begin a program in a separate session."""
     if cli.forks is not None and cli.forks.can_run(environment):
         return cli.forks.run(words, stdout=output, stderr=output, environment=environment, leads_session=True)
+    return _begin_command([sys.executable, *words], output, environment)
+
+
+def _begin_command(words: list[str], output: int, environment: dict[str, str]) -> subprocess.Popen[bytes]:
     return subprocess.Popen(
-        [sys.executable, *words],
+        words,
         stdin=subprocess.DEVNULL,
         stdout=output,
         stderr=output,

@@ -140,3 +140,31 @@ def test_the_topic_tools_know_types_that_only_a_file_has(daemon: object) -> None
         "demo/msg/Bad.msg:1: 'int33' is not a known type; did you mean 'int32'?\n",
         1,
     )
+
+
+def test_c_is_a_header() -> None:
+    text = bus("interface", "c", "demo/msg/Wheel").out
+    lines = text.splitlines()
+    assert lines[0] == "/* demo/msg/Wheel, made by `bus interface c`. */"
+    assert "    busd_float64_list speeds;" in lines
+    assert "    demo__msg__Spoke__list spokes;" in lines
+    assert "    m->length = 0.5;" in lines
+    assert lines.index("} demo__msg__Spoke;") < lines.index("} demo__msg__Wheel;")
+    assert lines[-1] == "#endif"
+
+
+def test_c_writes_a_file(tmp_path: Path) -> None:
+    result = bus("interface", "c", "-o", str(tmp_path / "types"), "Spoke")
+    path = tmp_path / "types" / "demo" / "msg" / "Spoke.h"
+    assert (result.out, result.code) == (f"{path}\n", 0)
+    assert path.read_text() == bus("interface", "c", "demo/msg/Spoke").out
+    (tmp_path / "file").touch()
+    result = bus("interface", "c", "-o", str(tmp_path / "file"), "Spoke")
+    assert (result.code, result.out) == (1, "")
+    assert result.err.startswith(f"can't write {tmp_path}/file/demo/msg/Spoke.h: ")
+
+
+def test_c_is_for_messages() -> None:
+    result = bus("interface", "c", "demo/srv/Turn")
+    assert result.code == 1
+    assert result.err.startswith("demo/srv/Turn is no message type")

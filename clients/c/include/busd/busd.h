@@ -1,0 +1,193 @@
+/* busd in C: nodes, publishers and subscriptions on the bus of this machine. docs/c.md is the manual.
+ *
+ * One thread at a time may use a connection and everything made with it. The library has no threads, no signal
+ * handlers and no global state. After a fork, the child may only close the connection.
+ *
+ * Functions that return int return 0, a number of things, or a negative errno; busd_error() then says why in words.
+ */
+#ifndef BUSD_BUSD_H
+#define BUSD_BUSD_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#pragma GCC visibility push(default)
+
+typedef struct busd_bus busd_bus;
+typedef struct busd_node busd_node;
+typedef struct busd_publisher busd_publisher;
+typedef struct busd_subscription busd_subscription;
+
+/* A message type. `bus interface c PKG/msg/Type` writes it. All pointers must stay valid. */
+typedef struct busd_type {
+    const char *name, *hash;
+    const void *schema;
+    size_t schema_size;
+} busd_type;
+
+/* --- QoS */
+
+enum { BUSD_KEEP_LAST, BUSD_KEEP_ALL };
+enum { BUSD_RELIABLE, BUSD_BEST_EFFORT };
+enum { BUSD_VOLATILE, BUSD_TRANSIENT_LOCAL };
+enum { BUSD_AUTOMATIC, BUSD_MANUAL_BY_TOPIC };
+
+/* Durations in nanoseconds; 0 is infinite. All zero except depth 10 is the default profile. */
+typedef struct busd_qos {
+    uint32_t depth;
+    uint8_t history, reliability, durability, liveliness;
+    int64_t deadline_ns, lifespan_ns, lease_ns;
+} busd_qos;
+
+#ifndef __cplusplus
+#define BUSD_QOS_DEFAULT ((busd_qos){.depth = 10})
+#define BUSD_QOS_SENSOR ((busd_qos){.depth = 5, .reliability = BUSD_BEST_EFFORT})
+#define BUSD_QOS_LOSSLESS ((busd_qos){.depth = 10, .history = BUSD_KEEP_ALL})
+#define BUSD_QOS_LATCHED ((busd_qos){.depth = 1, .durability = BUSD_TRANSIENT_LOCAL})
+#endif
+
+/* --- the connection */
+
+/* Connects to busd. `path` NULL: $BUSD_SOCKET, or the socket of $BUSD_DOMAIN. `program`: its name in `bus top`.
+ * *bus is set even if this fails, for busd_error() and busd_close(); it is NULL only for -ENOMEM.
+ * Errors: -ENOENT or -ECONNREFUSED without a busd, -EACCES, -ETIMEDOUT, -EPROTO for another protocol version. */
+int busd_connect(busd_bus **bus, const char *path, const char *program);
+
+/* Sends queued samples for up to a second, ends all nodes, and frees everything of the connection. Messages that the
+ * program still holds must be released before. */
+void busd_close(busd_bus *bus);
+
+/* A descriptor for poll(), epoll or another event loop. If it is readable, call busd_dispatch(). */
+int busd_fd(const busd_bus *bus);
+
+/* Does everything that is due, and never waits: calls callbacks, sends, answers busd. Returns 1 if it must be called
+ * again soon, although the descriptor may not be readable; else 0. */
+int busd_dispatch(busd_bus *bus);
+
+/* Waits up to `timeout_ms` (-1: without limit) for anything to do, then as busd_dispatch(). Returns early, with 0, on a
+ * signal. */
+int busd_wait(busd_bus *bus, int timeout_ms);
+
+/* 1 while busd knows this process. If the connection is lost, the library connects again by itself. */
+int busd_is_connected(const busd_bus *bus);
+
+/* The reason of the last call that failed. Never NULL. */
+const char *busd_error(const busd_bus *bus);
+
+typedef enum busd_event_kind {
+    BUSD_CONNECTED,          /* again, after BUSD_DISCONNECTED */
+    BUSD_DISCONNECTED,
+    BUSD_REFUSED,            /* a new busd does not accept a node or an endpoint */
+    BUSD_MATCHED,
+    BUSD_UNMATCHED,
+    BUSD_INCOMPATIBLE,       /* another endpoint of the topic does not match: type, QoS or access */
+    BUSD_ROUTE,              /* a match can't share memory, and uses the socket */
+    BUSD_LIVELINESS_CHANGED, /* of a publisher */
+    BUSD_LIVELINESS_LOST,    /* to the publisher itself */
+    BUSD_NAMESAKE,           /* another node has the name of a node of ours */
+} busd_event_kind;
+
+typedef struct busd_event {
+    busd_event_kind kind;
+    const char *text;                /* a sentence for the log */
+    busd_publisher *publisher;       /* the endpoint of ours, if the event is about one; else NULL */
+    busd_subscription *subscription;
+} busd_event;
+
+/* `callback` gets every later event, inside of calls of the library. */
+void busd_on_event(busd_bus *bus, void (*callback)(void *user, const busd_event *event), void *user);
+
+/* `ns` NULL: "/". Errors: -EINVAL with busd's reason, -ENOTCONN, -ETIMEDOUT. */
+int busd_node_create(busd_bus *bus, const char *name, const char *ns, busd_node **node);
+
+/* Destroys its endpoints, too. */
+void busd_node_destroy(busd_node *node);
+
+/* --- publishers */
+
+/* `topic`: relative to the namespace, absolute (/a), or private (~/a). Errors: -EINVAL with busd's reason, -EACCES,
+ * -EDQUOT for a used-up limit, -ENOTCONN, -ETIMEDOUT. */
+int busd_publisher_create(busd_node *node, const char *topic, const busd_type *type, const busd_qos *qos,
+                          busd_publisher **publisher);
+
+/* Publishes an encoded message. -EAGAIN: a lossless publisher has no room, see busd_publisher_wait(). -EMSGSIZE: above
+ * busd's limit. -ENOMEM: no memory for a larger ring. While busd is away, it keeps messages up to the depth. */
+int busd_publish(busd_publisher *publisher, const void *data, size_t size);
+
+/* Lends `size` bytes in the ring. The program fills them, then calls busd_publish_loan() with the size that it used.
+ * Another loan or busd_publish() gives the loan up. Errors as busd_publish(). */
+int busd_loan(busd_publisher *publisher, size_t size, void **place);
+int busd_publish_loan(busd_publisher *publisher, size_t size);
+
+/* After -EAGAIN: waits for room, and calls callbacks meanwhile. 1: there is room; 0: timeout. */
+int busd_publisher_wait(busd_publisher *publisher, int timeout_ms);
+
+/* A sign of life, for liveliness manual by topic. A message is one, too. */
+int busd_publisher_assert_liveliness(busd_publisher *publisher);
+
+/* Subscriptions that get the messages. */
+int busd_publisher_matches(const busd_publisher *publisher);
+
+void busd_publisher_destroy(busd_publisher *publisher);
+
+/* --- subscriptions */
+
+/* A message as it came. `data` is valid until busd_release(), and may lie in shared memory. */
+typedef struct busd_message {
+    const void *data;
+    size_t size;
+    int64_t stamp_ns;   /* of publishing, CLOCK_MONOTONIC */
+    int64_t source_ns;  /* wall clock, from the message's source; 0: none */
+    uint64_t seq;       /* of its publisher, from 1 on */
+    uint64_t publisher; /* busd's number of it */
+    int by_ring;        /* 1: through shared memory, 0: by socket */
+    void *held;         /* for busd_release() */
+} busd_message;
+
+typedef void busd_callback(void *user, const busd_message *message);
+
+/* `callback` is called inside of busd_dispatch() and busd_wait(), and its message is released after it. NULL: messages
+ * wait for busd_take(). A callback may create and destroy everything, and must not wait or dispatch.
+ * Errors as busd_publisher_create(). */
+int busd_subscription_create(busd_node *node, const char *topic, const busd_type *type, const busd_qos *qos,
+                             busd_callback *callback, void *user, busd_subscription **subscription);
+
+/* Takes the oldest message: 1; or 0 if none waits. At most seven messages of one publisher are held without a copy.
+ * Take and release them in any order. */
+int busd_take(busd_subscription *subscription, busd_message *message);
+void busd_release(busd_message *message);
+
+/* 1 if busd_take() would probably find a message. */
+int busd_is_ready(const busd_subscription *subscription);
+
+/* Publishers whose messages it gets. */
+int busd_subscription_matches(const busd_subscription *subscription);
+
+void busd_subscription_destroy(busd_subscription *subscription);
+
+/* --- statistics */
+
+/* At a quiet moment, of a subscription: expected = samples + queued + replaced + expired + lost. */
+typedef struct busd_stats {
+    uint64_t samples, bytes; /* published; or taken */
+    uint64_t replaced;       /* dropped for the depth */
+    uint64_t expired;        /* older than the lifespan */
+    uint64_t lost;           /* dropped for other reasons, here and in busd */
+    uint64_t expected;       /* samples for this subscription since its matches began */
+    uint64_t queued;         /* that wait */
+    uint32_t matches, by_ring;
+} busd_stats;
+
+void busd_publisher_stats(const busd_publisher *publisher, busd_stats *stats);
+void busd_subscription_stats(const busd_subscription *subscription, busd_stats *stats);
+
+#pragma GCC visibility pop
+
+#ifdef __cplusplus
+}
+#endif
+#endif

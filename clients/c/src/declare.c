@@ -1,0 +1,419 @@
+/* Nodes, types and endpoints become known to busd, and again to the next busd.
+ *
+ *     UNDECLARED   busd does not know it
+ *     ASKED        the request is on its way
+ *     DECLARED     Created has come: it has an id
+ *     REFUSED      by this or an earlier busd; it is not asked for again
+ *
+ * The first declaration is awaited by the call that creates the thing. Later ones need no wait: each node's Created
+ * declares the endpoints of the node.
+ */
+#include <poll.h>
+#include <stdlib.h>
+#include <sys/random.h>
+#include <unistd.h>
+
+#include "internal.h"
+
+void sweep_unless_in_turn(busd_bus *bus);
+
+/* --- requests and answers */
+
+/* Waits for the answer to `request`. 0, or -errno with the reason in `error`. */
+int await(busd_bus *bus, uint64_t request)
+{
+    int64_t until = now_ns() + GIVE_UP_NS;
+    bus->awaited = request;
+    while (bus->answered != request) {
+        if (bus->sock < 0)
+            return -ENOTCONN;
+        struct pollfd poller = {.fd = bus->sock, .events = POLLIN};
+        poller.events |= bus->current != NULL || bus->control.first != NULL ? POLLOUT : 0;
+        const int count = poll(&poller, 1, 1000);
+        if (poller.revents & POLLIN)
+            until = now_ns() + GIVE_UP_NS;
+        else if (now_ns() > until) {
+            lost(bus, "busd does not answer");
+            return -ETIMEDOUT;
+        }
+        if (count <= 0)
+            continue;
+        flush(bus);
+        if (bus->sock >= 0 && take_in(bus) < 0)
+            return -ENOTCONN;
+    }
+    return bus->answer;
+}
+
+static int refusal(busd_bus *bus, busd_in body)
+{
+    size_t n;
+    const unsigned char *text = busd_find_bytes(body, "text", &n), *resource;
+    size_t resource_size;
+    resource = busd_find_bytes(body, "resource", &resource_size);
+    const int code = busd_find_number(body, "denied", 0)  ? EACCES
+                     : resource != NULL && resource_size  ? EDQUOT
+                     : busd_find_number(body, "again", 0) ? EAGAIN
+                                                          : EINVAL;
+    return fail(bus, code, "%.*s", (int)n, text == NULL ? "" : (const char *)text);
+}
+
+static void endpoint_answer(struct endpoint *end, busd_in body, bool is_created)
+{
+    busd_bus *bus = end->node->bus;
+    if (!is_created) {
+        end->state = REFUSED;
+        if (end->request != bus->awaited)
+            tell(bus, BUSD_REFUSED, end, "%s: %s", end->topic, bus->error);
+        return;
+    }
+    end->state = DECLARED;
+    end->id = busd_find_number(body, "id", 0);
+    end->window_samples = busd_find_number(body, "window_samples", 0);
+    end->window_bytes = busd_find_number(body, "window_bytes", 0);
+    report_due(end);
+    if (end->is_publisher) {
+        busd_publisher *p = (busd_publisher *)end;
+        p->max_message_bytes = busd_find_number(body, "max_message_bytes", 0);
+        p->ring_bytes = busd_find_number(body, "ring_bytes", 0);
+        room_announce(p);
+        room_set_hold(p);
+    } else {
+        busd_subscription *s = (busd_subscription *)end;
+        s->depth = end->qos.history == BUSD_KEEP_ALL ? 0 : busd_find_number(body, "depth", end->qos.depth);
+        s->declared_ns = now_ns();
+    }
+}
+
+/* Takes Created, Done or Refused. */
+void answer_take(busd_bus *bus, busd_in body, bool is_created)
+{
+    const uint64_t request = busd_find_number(body, "request", 0);
+    const bool is_refused = busd_find_is(body, "m", "refused");
+    bus->answer = is_refused ? refusal(bus, body) : 0;
+    bus->answered = request;
+    for (busd_node *node = bus->nodes; node != NULL; node = node->next) {
+        if (node->state != ASKED || node->request != request)
+            continue;
+        node->state = is_created ? DECLARED : REFUSED;
+        node->id = busd_find_number(body, "id", 0);
+        if (is_refused && request != bus->awaited)
+            tell(bus, BUSD_REFUSED, NULL, "node %s: %s", node->name, bus->error);
+        for (busd_publisher *p = bus->publishers; p != NULL; p = p->next)
+            if (p->end.node == node && p->end.state == UNDECLARED && is_created)
+                declare_endpoint(&p->end);
+        for (busd_subscription *s = bus->subscriptions; s != NULL; s = s->next)
+            if (s->end.node == node && s->end.state == UNDECLARED && is_created)
+                declare_endpoint(&s->end);
+        return;
+    }
+    for (busd_publisher *p = bus->publishers; p != NULL; p = p->next)
+        if (p->end.state == ASKED && p->end.request == request)
+            endpoint_answer(&p->end, body, is_created);
+    for (busd_subscription *s = bus->subscriptions; s != NULL; s = s->next)
+        if (s->end.state == ASKED && s->end.request == request)
+            endpoint_answer(&s->end, body, is_created);
+}
+
+/* --- declarations */
+
+int declare_node(busd_node *node)
+{
+    busd_out out;
+    control_begin(&out, "node+", 3);
+    node->request = ++node->bus->requests;
+    node->state = ASKED;
+    field_number(&out, "request", node->request);
+    field_text(&out, "name", node->name);
+    field_text(&out, "namespace", node->ns);
+    return control_send(node->bus, &out, NULL, 0);
+}
+
+static bool is_declared_with(const struct endpoint *other, const struct endpoint *end)
+{
+    return other != end && (other->state == ASKED || other->state == DECLARED)
+           && strcmp(other->type.name, end->type.name) == 0 && strcmp(other->type.hash, end->type.hash) == 0;
+}
+
+/* Declares the endpoint's type, unless another endpoint has done so on this connection. */
+static void declare_type(const struct endpoint *end)
+{
+    const busd_bus *bus = end->node->bus;
+    for (const busd_publisher *p = bus->publishers; p != NULL; p = p->next)
+        if (is_declared_with(&p->end, end))
+            return;
+    for (const busd_subscription *s = bus->subscriptions; s != NULL; s = s->next)
+        if (is_declared_with(&s->end, end))
+            return;
+    busd_out out;
+    control_begin(&out, "type", end->type.schema == NULL ? 2 : 3);
+    field_text(&out, "type_name", end->type.name);
+    field_text(&out, "type_hash", end->type.hash);
+    if (end->type.schema != NULL)
+        field_bytes(&out, "schema", end->type.schema, end->type.schema_size);
+    control_send(end->node->bus, &out, NULL, 0);
+}
+
+static void field_qos(busd_out *out, const busd_qos *qos)
+{
+    const struct {
+        const char *key;
+        int64_t ns;
+    } durations[] = {
+        {"deadline", qos->deadline_ns}, {"lifespan", qos->lifespan_ns}, {"liveliness_lease_duration", qos->lease_ns}};
+    const struct {
+        const char *key, *value;
+        bool is_set;
+    } policies[] = {{"history", "keep_all", qos->history == BUSD_KEEP_ALL},
+                    {"reliability", "best_effort", qos->reliability == BUSD_BEST_EFFORT},
+                    {"durability", "transient_local", qos->durability == BUSD_TRANSIENT_LOCAL},
+                    {"liveliness", "manual_by_topic", qos->liveliness == BUSD_MANUAL_BY_TOPIC}};
+    size_t fields = 1;
+    for (int i = 0; i < 3; i++)
+        fields += durations[i].ns != 0;
+    for (int i = 0; i < 4; i++)
+        fields += policies[i].is_set;
+    busd_put_text(out, "qos", 3);
+    busd_put_map(out, fields);
+    field_number(out, "depth", qos->depth);
+    for (int i = 0; i < 4; i++)
+        if (policies[i].is_set)
+            field_text(out, policies[i].key, policies[i].value);
+    for (int i = 0; i < 3; i++) {
+        if (durations[i].ns == 0)
+            continue;
+        busd_put_text(out, durations[i].key, strlen(durations[i].key));
+        busd_put_float(out, (double)durations[i].ns / 1e9);
+    }
+}
+
+/* The last number received from a source, by any route; 0: none. */
+static uint64_t source_position(const struct source *source)
+{
+    return source->seat != NULL ? source->feed.ring.next - 1 : source->last_seq;
+}
+
+static void field_last_seqs(busd_out *out, const busd_subscription *sub, size_t known)
+{
+    busd_put_text(out, "last_seqs", strlen("last_seqs"));
+    busd_put_map(out, known);
+    for (const struct source *source = sub->sources; source != NULL; source = source->next) {
+        if (source_position(source) == 0)
+            continue;
+        busd_put_bytes(out, source->gid, sizeof source->gid);
+        busd_put_uint(out, source_position(source));
+    }
+}
+
+/* Asks busd for a publisher or subscription of a declared node. */
+int declare_endpoint(struct endpoint *end)
+{
+    busd_bus *bus = end->node->bus;
+    busd_publisher *p = end->is_publisher ? (busd_publisher *)end : NULL;
+    const busd_subscription *s = end->is_publisher ? NULL : (busd_subscription *)end;
+    size_t known = 0;
+    busd_out out;
+    for (const struct source *source = s != NULL ? s->sources : NULL; source != NULL; source = source->next)
+        known += source_position(source) != 0;
+    declare_type(end);
+    const bool has_ring = p != NULL && p->fd >= 0;
+    control_begin(&out, p != NULL ? "pub+" : "sub+", p != NULL ? 8 + has_ring : 7 + (known != 0));
+    end->request = ++bus->requests;
+    end->state = ASKED;
+    field_number(&out, "request", end->request);
+    field_number(&out, "node", end->node->id);
+    field_text(&out, "topic", end->topic);
+    field_text(&out, "type_name", end->type.name);
+    field_text(&out, "type_hash", end->type.hash);
+    field_qos(&out, &end->qos);
+    field_bytes(&out, "gid", end->gid, sizeof end->gid);
+    if (p != NULL) {
+        field_number(&out, "next_seq", stream_next_seq(p));
+        if (has_ring)
+            field_number(&out, "descriptors", 1);
+        p->is_announced = true;
+    } else if (known != 0) {
+        field_last_seqs(&out, s, known);
+    }
+    return control_send(bus, &out, p != NULL ? &p->fd : NULL, has_ring);
+}
+
+/* After busd's Hello: everything of this process. */
+void declare_all(busd_bus *bus)
+{
+    if (bus->shares) {
+        const int fds[2] = {bus->bell, bus->readers_fd};
+        busd_out out;
+        control_begin(&out, "share", 1);
+        field_number(&out, "descriptors", 2);
+        control_send(bus, &out, fds, 2);
+    }
+    for (busd_node *node = bus->nodes; node != NULL; node = node->next)
+        if (node->state == UNDECLARED && !node->is_closed)
+            declare_node(node);
+}
+
+/* --- the life of nodes and endpoints */
+
+int busd_node_create(busd_bus *bus, const char *name, const char *ns, busd_node **place)
+{
+    if (!busd_is_connected(bus))
+        return fail(bus, ENOTCONN, "busd is away");
+    busd_node *node = calloc(1, sizeof *node);
+    if (node == NULL)
+        return fail(bus, ENOMEM, "no memory");
+    *node = (busd_node){.bus = bus, .name = strdup(name), .ns = strdup(ns == NULL || *ns == '\0' ? "/" : ns)};
+    busd_node **end = &bus->nodes;
+    while (*end != NULL)
+        end = &(*end)->next;
+    *end = node;
+    int status = node->name == NULL || node->ns == NULL ? fail(bus, ENOMEM, "no memory") : declare_node(node);
+    status = status == 0 ? await(bus, node->request) : status;
+    if (status == 0) {
+        *place = node;
+        return 0;
+    }
+    node->is_closed = true;
+    sweep_unless_in_turn(bus);
+    return status;
+}
+
+static void end_endpoint(struct endpoint *end)
+{
+    if (end->is_closed)
+        return;
+    if (end->state == DECLARED && busd_is_connected(end->node->bus)) {
+        if (end->is_dirty)
+            report_send(end->node->bus);
+        control_simple(end->node->bus, "end-", 1, (const char *const[]){"endpoint"}, &end->id);
+    }
+    end->is_closed = true;
+    end->state = REFUSED; /* nothing more about it is taken */
+}
+
+void busd_publisher_destroy(busd_publisher *publisher)
+{
+    if (publisher == NULL)
+        return;
+    busd_bus *bus = publisher->end.node->bus;
+    if (bus->pid == getpid())
+        flush(bus);
+    end_endpoint(&publisher->end);
+    sweep_unless_in_turn(bus);
+}
+
+void busd_subscription_destroy(busd_subscription *subscription)
+{
+    if (subscription == NULL)
+        return;
+    busd_bus *bus = subscription->end.node->bus;
+    end_endpoint(&subscription->end);
+    sweep_unless_in_turn(bus);
+}
+
+void busd_node_destroy(busd_node *node)
+{
+    if (node == NULL || node->is_closed)
+        return;
+    busd_bus *bus = node->bus;
+    flush(bus);
+    report_send(bus);
+    bus->turns++; /* one sweep at the end */
+    for (busd_publisher *p = bus->publishers; p != NULL; p = p->next)
+        if (p->end.node == node)
+            busd_publisher_destroy(p);
+    for (busd_subscription *s = bus->subscriptions; s != NULL; s = s->next)
+        if (s->end.node == node)
+            busd_subscription_destroy(s);
+    bus->turns--;
+    if (node->state == DECLARED && busd_is_connected(bus))
+        control_simple(bus, "node-", 1, (const char *const[]){"node"}, &node->id);
+    node->is_closed = true;
+    sweep_unless_in_turn(bus);
+}
+
+/* Fills the members of a new endpoint. 0 or -ENOMEM. */
+static int endpoint_begin(struct endpoint *end, busd_node *node, const char *topic, const busd_type *type,
+                          const busd_qos *qos)
+{
+    static const busd_qos usual = {.depth = 10};
+    *end = (struct endpoint){.node = node, .topic = topic_name(node, topic), .type = *type, .qos = qos == NULL ? usual : *qos};
+    end->is_lossless = end->qos.history == BUSD_KEEP_ALL && end->qos.reliability == BUSD_RELIABLE;
+    if (end->qos.history == BUSD_KEEP_ALL)
+        end->qos.depth = sizes_max(end->qos.depth, 1);
+    if (getrandom(end->gid, sizeof end->gid, 0) != sizeof end->gid)
+        return fail(node->bus, EIO, "no random numbers");
+    return end->topic == NULL ? fail(node->bus, ENOMEM, "no memory") : 0;
+}
+
+/* Asks for a new endpoint, and waits for the answer. */
+static int endpoint_declare_first(struct endpoint *end)
+{
+    busd_bus *bus = end->node->bus;
+    int status = end->node->state == DECLARED && busd_is_connected(bus) ? declare_endpoint(end)
+                                                                       : fail(bus, ENOTCONN, "busd is away");
+    status = status == 0 ? await(bus, end->request) : status;
+    if (status < 0) {
+        end->is_closed = true;
+        sweep_unless_in_turn(bus);
+    }
+    return status;
+}
+
+int busd_publisher_create(busd_node *node, const char *topic, const busd_type *type, const busd_qos *qos,
+                          busd_publisher **place)
+{
+    busd_bus *bus = node->bus;
+    busd_publisher *p = calloc(1, sizeof *p);
+    if (p == NULL)
+        return fail(bus, ENOMEM, "no memory");
+    int status = endpoint_begin(&p->end, node, topic, type, qos);
+    p->end.is_publisher = true;
+    p->fd = -1;
+    if (status == 0 && !room_begin(p))
+        status = fail(bus, ENOMEM, "no memory for a ring");
+    if (status < 0) {
+        publisher_free(p);
+        return status;
+    }
+    p->next = bus->publishers;
+    bus->publishers = p;
+    status = endpoint_declare_first(&p->end);
+    if (status == 0)
+        *place = p;
+    return status;
+}
+
+int busd_subscription_create(busd_node *node, const char *topic, const busd_type *type, const busd_qos *qos,
+                             busd_callback *callback, void *user, busd_subscription **place)
+{
+    busd_bus *bus = node->bus;
+    busd_subscription *s = calloc(1, sizeof *s);
+    if (s == NULL)
+        return fail(bus, ENOMEM, "no memory");
+    int status = endpoint_begin(&s->end, node, topic, type, qos);
+    s->callback = callback;
+    s->user = user;
+    s->depth = s->end.qos.history == BUSD_KEEP_ALL ? 0 : s->end.qos.depth;
+    s->last = &s->first;
+    if (status < 0) {
+        subscription_free(s);
+        return status;
+    }
+    s->next = bus->subscriptions;
+    bus->subscriptions = s;
+    status = endpoint_declare_first(&s->end);
+    if (status == 0)
+        *place = s;
+    return status;
+}
+
+/* The connection is lost: busd does not know the endpoint any more. */
+void endpoint_gone(struct endpoint *end)
+{
+    end->state = end->state == REFUSED ? REFUSED : UNDECLARED;
+    end->id = 0;
+}
+
+/* Frees the members of an endpoint. */
+void endpoint_free(struct endpoint *end) { free(end->topic); }

@@ -1,0 +1,173 @@
+/* A subscription's samples by socket: a bounded queue, and the acknowledgements of a lossless one. */
+#include <stdlib.h>
+
+#include "internal.h"
+
+#define ACK_NS INT64_C(20000000) /* longest delay of an acknowledgement */
+#define ACK_PART 8u              /* of the window, which is acknowledged at once */
+#define SPARE_BYTES (64u << 10)
+
+/* --- samples */
+
+/* A sample with room for `size` bytes. NULL: no memory. */
+struct sample *sample_new(busd_subscription *sub, size_t size)
+{
+    struct sample *sample = sub->spare;
+    if (sample != NULL && sample->room >= size) {
+        sub->spare = NULL;
+    } else {
+        const size_t room = size < 256 ? 256 : size;
+        sample = malloc(sizeof *sample + room);
+        if (sample == NULL)
+            return NULL;
+        sample->room = room;
+    }
+    *sample = (struct sample){.size = size, .room = sample->room};
+    return sample;
+}
+
+void sample_free(busd_subscription *sub, struct sample *sample)
+{
+    if (sub != NULL && sub->spare == NULL && sample->room <= SPARE_BYTES)
+        sub->spare = sample;
+    else
+        free(sample);
+}
+
+/* Takes the oldest sample out of the queue, which is not empty. */
+struct sample *inbox_pop(busd_subscription *sub)
+{
+    struct sample *sample = sub->first;
+    if ((sub->first = sample->next) == NULL)
+        sub->last = &sub->first;
+    sub->queued--;
+    sub->queued_bytes -= sample->size;
+    sub->queued_replays -= sample->is_replay;
+    return sample;
+}
+
+static void drop_oldest(busd_subscription *sub, enum reason reason)
+{
+    struct sample *sample = inbox_pop(sub);
+    sub->dropped[reason]++;
+    inbox_taken(sub, sample);
+    sample_free(sub, sample);
+}
+
+/* Adds a sample. Above the bounds, the oldest samples are dropped. History does not count against the depth. */
+void inbox_add(busd_subscription *sub, struct sample *sample)
+{
+    sample->next = NULL;
+    *sub->last = sample;
+    sub->last = &sample->next;
+    sub->queued++;
+    sub->queued_bytes += sample->size;
+    sub->queued_replays += sample->is_replay;
+    while (sub->depth != 0 && sub->queued - sub->queued_replays > sub->depth)
+        drop_oldest(sub, REPLACED);
+    while (!sub->end.is_lossless && sub->queued_bytes > INBOX_BYTES && sub->queued > 1)
+        drop_oldest(sub, MEMORY_LIMIT);
+}
+
+/* Adds the samples of a run, without those that came before. `body`: after the frame's first 8 bytes. 0 or -EPROTO. */
+int inbox_run(busd_subscription *sub, const unsigned char *body, size_t size, unsigned flags)
+{
+    uint32_t number, count, payload;
+    uint64_t seq;
+    memcpy(&number, body + 4, 4);
+    memcpy(&seq, body + 8, 8);
+    memcpy(&count, body + 16, 4);
+    struct source *source = source_find(sub, number);
+    size_t at = RUN_HEAD_BYTES - HEAD_BYTES;
+    for (; count > 0; count--, seq++) {
+        int64_t stamp_ns;
+        if (size - at < RECORD_BYTES)
+            return -EPROTO;
+        memcpy(&payload, body + at, 4);
+        memcpy(&stamp_ns, body + at + 4, 8);
+        at += RECORD_BYTES;
+        if (size - at < payload)
+            return -EPROTO;
+        const unsigned char *bytes = body + at;
+        at += payload;
+        if (source != NULL && seq <= source->last_seq) {
+            sub->repeated++;
+            if (seq <= source->taken_seq) { /* the publisher asks for it again */
+                source->acked_seq = 0;
+                if (sub->end.node->bus->at[ACK] == 0)
+                    set_timer(sub->end.node->bus, ACK, now_ns() + ACK_NS);
+            }
+            continue;
+        }
+        struct sample *sample = sample_new(sub, payload);
+        if (sample == NULL)
+            return -ENOMEM;
+        memcpy(sample->bytes, bytes, payload);
+        sample->size = payload;
+        sample->source = source;
+        sample->seq = seq;
+        sample->publisher = number;
+        sample->stamp_ns = stamp_ns;
+        sample->is_replay = (flags & FLAG_REPLAY) != 0;
+        if (source != NULL)
+            source->last_seq = seq;
+        sub->received++;
+        inbox_add(sub, sample);
+    }
+    if (!sub->end.is_dirty)
+        report_due(&sub->end);
+    return 0;
+}
+
+/* Samples of a forgotten source stay in the queue. */
+void inbox_forget(busd_subscription *sub, const struct source *source)
+{
+    for (struct sample *sample = sub->first; sample != NULL; sample = sample->next)
+        if (sample->source == source)
+            sample->source = NULL;
+}
+
+void inbox_free(busd_subscription *sub)
+{
+    while (sub->first != NULL)
+        free(inbox_pop(sub));
+    free(sub->spare);
+}
+
+/* --- acknowledgements */
+
+static void ack(const busd_subscription *sub, struct source *source)
+{
+    if (!source->is_lossless || source->seat != NULL || source->is_gone || source->is_stale
+        || source->taken_seq <= source->acked_seq || sub->end.state != DECLARED)
+        return;
+    source->acked_seq = source->taken_seq;
+    source->unacked_bytes = 0;
+    control_simple(sub->end.node->bus, "ack", 3, (const char *const[]){"subscription", "source", "seq"},
+                   (const uint64_t[]){sub->end.id, source->number, source->acked_seq});
+}
+
+/* Acknowledges everything that is taken. */
+void inbox_ack(busd_subscription *sub)
+{
+    if (!sub->end.is_lossless)
+        return;
+    for (struct source *source = sub->sources; source != NULL; source = source->next)
+        ack(sub, source);
+}
+
+/* Notes that a sample was taken, or dropped here. Acknowledges it soon. */
+void inbox_taken(busd_subscription *sub, const struct sample *sample)
+{
+    struct source *source = sample->source;
+    if (source == NULL || !source->is_lossless)
+        return;
+    busd_bus *bus = sub->end.node->bus;
+    source->taken_seq = sizes_max(source->taken_seq, sample->seq);
+    source->unacked_bytes += RECORD_BYTES + sample->size;
+    if (source->taken_seq - source->acked_seq >= sizes_max(sub->end.window_samples / ACK_PART, 1)
+        || source->unacked_bytes >= sub->end.window_bytes / ACK_PART)
+        ack(sub, source);
+    else if (bus->at[ACK] == 0)
+        set_timer(bus, ACK, now_ns() + ACK_NS);
+}

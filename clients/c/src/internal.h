@@ -1,0 +1,394 @@
+/* The library's own types, and the functions of each file that other files call.
+ *
+ *     session.c        the connection's life, timers, the turn
+ *     declare.c        nodes, types and endpoints become known to busd; requests and their answers
+ *     control.c        control messages of busd: each goes to its handler
+ *     frames.c         bytes and descriptors of the socket, both ways
+ *     publisher.c      the calls of a publisher
+ *     room.c           a place in its ring for a message: growth, hold, waiting
+ *     matches.c        its matches and their gates
+ *     stream.c         its samples by socket: a position in its ring, credit
+ *     subscription.c   the calls of a subscription
+ *     sources.c        its publishers, and their rings
+ *     inbox.c          its samples by socket, acknowledgements
+ *     reports.c        counters for busd
+ *     segment.c        memory and doorbells
+ *     headroom.c       how much memory may be used
+ *     names.c          topics, and the path of the socket
+ *
+ * Every publisher has a ring. If it can share memory, readers map it. The samples by socket are read from it, too: so
+ * it is the only queue, for slow sockets, for the time without busd, for histories, and for samples without credit.
+ */
+#ifndef BUSD_INTERNAL_H
+#define BUSD_INTERNAL_H
+
+#include <errno.h>
+#include <stdbool.h>
+#include <sys/types.h>
+#include <time.h>
+
+#include "busd/busd.h"
+#include "busd/pack.h"
+
+/* clients/bus/shm: the core of shared memory, as the library for Python uses it */
+#include "doorbell.h"
+#include "eventfd.h"
+#include "feed.h"
+#include "gates.h"
+#include "sizes.h"
+#include "writer.h"
+
+#define SLOTS 1020u                      /* of a process's readers' segment */
+#define SECOND_NS INT64_C(1000000000)
+#define GIVE_UP_NS (10 * SECOND_NS)      /* without an answer; and until an endpoint that is away counts as gone */
+#define FRAME_CONTROL 1u
+#define FRAME_DATA 2u
+#define FLAG_REPLAY 1u
+#define FLAG_RESUMED 2u
+#define MOST_CONTROL (256u << 20)
+#define MOST_MESSAGE (1u << 30)
+#define RUN_BYTES (64u << 10)            /* a run ends here */
+#define HEAD_BYTES 8u
+#define RUN_HEAD_BYTES 32u
+#define RECORD_BYTES 12u
+#define COPY_BYTES 4096u                 /* shorter payloads are copied out of a ring, longer ones pinned */
+#define INBOX_BYTES (256u << 20)         /* most bytes of samples by socket that wait for a subscription */
+#define MOST_GONE 128u                   /* publishers that have left, and are remembered */
+
+/* --- memory */
+
+/* A mapping, with the number of its users. */
+struct map {
+    void *memory;
+    size_t size;
+    dev_t device;
+    ino_t inode;
+    size_t users;
+};
+
+/* Another process that reads our rings. */
+struct process {
+    struct process *next;
+    struct reading_process reads;
+    struct map *map;
+    pid_t pid;
+};
+
+/* A slot of our readers' segment. It is given out again when its match is over and nothing is pinned. */
+struct hold { /* a record pinned by a message that the program holds */
+    struct seat *seat;
+    unsigned pin;
+    struct map *map;
+};
+
+struct seat {
+    busd_bus *bus;
+    struct reader_slot *slot;
+    unsigned number, pinned;
+    bool is_left;
+    struct hold holds[READER_PINS];
+};
+
+/* A ring of a source. */
+struct ring_of {
+    struct feed_ring ring; /* first */
+    struct map *map;
+};
+
+/* --- frames */
+
+struct frame {
+    struct frame *next;
+    size_t size, sent;
+    int fds[2];       /* copies, closed when they are sent */
+    unsigned fd_count;
+    unsigned char bytes[];
+};
+
+struct frame_list {
+    struct frame *first, **end;
+};
+
+struct batch { /* descriptors received together */
+    int fds[2];
+    unsigned count;
+};
+
+enum { MOST_BATCHES = 16 };
+
+/* --- endpoints */
+
+enum declared { UNDECLARED, ASKED, DECLARED, REFUSED };
+
+struct busd_node {
+    busd_node *next;
+    busd_bus *bus;
+    char *name, *ns;
+    uint64_t id, request;
+    enum declared state;
+    bool is_closed;
+};
+
+/* Members that publishers and subscriptions share. */
+struct endpoint {
+    busd_node *node;
+    char *topic;
+    busd_type type;
+    busd_qos qos;
+    unsigned char gid[16];
+    uint64_t id, request;
+    enum declared state;
+    bool is_publisher, is_lossless, is_dirty, is_closed;
+    uint64_t window_samples, window_bytes;
+};
+
+/* A publisher's match. With a gate it is attached. */
+struct match {
+    struct match *next;
+    unsigned char gid[16];
+    uint64_t other, key, hold, depth;
+    struct process *process; /* of its gate; NULL: none */
+    bool is_by_ring, is_by_socket, is_lossless, is_tap, is_silent;
+    bool is_stale;           /* busd is away, or is back and has not made it again */
+    bool is_over, is_lost;   /* over: its gate stays while anything is pinned. Lost: until its process ends */
+};
+
+struct busd_publisher {
+    struct endpoint end; /* first */
+    busd_publisher *next;
+    struct match *matches;
+    uint64_t keys;
+    /* room.c */
+    struct ring_writer ring;
+    struct map *map;
+    int fd;             /* of the ring; -1: it is private */
+    bool is_announced;  /* busd knows this ring */
+    uint64_t ring_bytes, known, wanted, stamp_ns, loan;
+    int64_t no_growth_ns;
+    /* stream.c */
+    uint64_t sent_seq, credit, flying_bytes, max_message_bytes;
+    size_t socket_matches;
+    int64_t stream_until_ns; /* after busd was away */
+    bool is_streaming, was_streaming, is_resumed;
+    uint64_t samples, bytes, replaced;
+};
+
+enum reason { REPLACED, PUBLISHER_QUEUE, EXPIRED, MEMORY_LIMIT, TOO_LARGE, UNDECODABLE, DISCONNECTED, OTHER, REASONS };
+extern const char *const reason_names[REASONS];
+
+/* A publisher, as a subscription sees it. */
+struct source {
+    struct source *next;
+    unsigned char gid[16];
+    uint64_t number, lifespan_ns;
+    uint64_t last_seq;             /* received */
+    uint64_t taken_seq, acked_seq; /* by socket */
+    uint64_t unacked_bytes;
+    uint64_t history_end;          /* samples before this are history, which the depth leaves alone */
+    bool is_by_ring, is_lossless, is_new, is_stale, is_gone;
+    /* by ring, while it has a seat */
+    struct feed feed;
+    struct seat *seat;
+    struct map *newest;            /* of its newest ring */
+    int doorbell;                  /* -1: none is needed */
+};
+
+struct sample { /* by socket */
+    struct sample *next;
+    struct source *source; /* NULL: it is forgotten */
+    uint64_t seq, publisher;
+    int64_t stamp_ns;
+    size_t size, room;
+    bool is_replay;
+    unsigned char bytes[];
+};
+
+struct busd_subscription {
+    struct endpoint end; /* first */
+    busd_subscription *next;
+    busd_callback *callback;
+    void *user;
+    uint64_t depth; /* 0: keep all */
+    int64_t declared_ns;
+    struct source *sources;
+    struct sample *first, **last;
+    struct sample *spare; /* the last one that was released */
+    uint64_t queued, queued_bytes, queued_replays;
+    uint64_t samples, bytes;
+    uint64_t passed;                     /* through rings that were left */
+    uint64_t received, repeated;         /* by socket from this busd */
+    uint64_t away;                       /* published while busd or this process was away */
+    uint64_t earlier;                    /* samples of earlier busds: received, or dropped there */
+    uint64_t dropped[REASONS];           /* here, and by earlier busds */
+    uint64_t dropped_by_busd[REASONS];
+    uint64_t age_count, age_sum_ns, age_max_ns;
+    bool is_scratch_used;
+    unsigned char scratch[COPY_BYTES + 8];
+};
+
+/* --- the connection */
+
+enum timer { PING, REPORT, RETRY, STALE, SWEEP, ACK, FLUSH, HELLO, TIMERS };
+
+struct busd_bus {
+    pid_t pid;
+    int epoll, sock, bell, timer, readers_fd;
+    char path[108], program[256], error[512];
+    bool is_open;    /* busd's Hello has come */
+    bool is_leaving; /* busd ends: only the frame that is being sent */
+    bool is_again;   /* its Fault said so */
+    bool was_connected, watches_output;
+    bool is_blocked; /* the socket takes no more at the moment */
+    int turns;       /* inside of calls that may call back */
+    int64_t lease_ns, at[TIMERS], timer_at, retry_ns;
+    unsigned char *in;
+    size_t in_begin, in_end, in_room;
+    struct batch batches[MOST_BATCHES];
+    unsigned batch_count;
+    struct frame_list control;
+    struct frame *current;  /* partly sent */
+    uint64_t requests, answered, awaited;
+    int answer;             /* to the request `answered`: 0 or -errno, the text in `error` */
+    bool shares;            /* this process may share memory */
+    struct map *readers;
+    struct readers_header *header;
+    unsigned free_slots[SLOTS], free_first, free_count;
+    struct process *processes;
+    busd_node *nodes;
+    busd_publisher *publishers;
+    busd_subscription *subscriptions;
+    busd_subscription *subscription_turn; /* the first to deliver in the next turn */
+    int64_t memory_until_ns;
+    uint64_t memory_left;   /* until then, segments may take this without a check */
+    void (*event)(void *user, const busd_event *event);
+    void *user;
+};
+
+static inline int64_t now_ns(void)
+{
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return now.tv_sec * SECOND_NS + now.tv_nsec;
+}
+
+/* session.c */
+int fail(busd_bus *bus, int code, const char *form, ...) __attribute__((format(printf, 3, 4)));
+void tell(busd_bus *bus, busd_event_kind kind, const struct endpoint *end, const char *form, ...)
+    __attribute__((format(printf, 4, 5)));
+void set_timer(busd_bus *bus, enum timer timer, int64_t at_ns);
+void lost(busd_bus *bus, const char *reason);
+int take_in(busd_bus *bus);
+
+/* frames.c */
+void control_begin(busd_out *out, const char *tag, unsigned fields);
+void field_number(busd_out *out, const char *key, uint64_t number);
+void field_text(busd_out *out, const char *key, const char *text);
+void field_bytes(busd_out *out, const char *key, const void *bytes, size_t size);
+int control_send(busd_bus *bus, busd_out *out, const int *fds, unsigned fd_count);
+void control_simple(busd_bus *bus, const char *tag, unsigned count, const char *const *keys, const uint64_t *numbers);
+struct frame *frame_new(const void *bytes, size_t size);
+void frame_queue(busd_bus *bus, struct frame *frame);
+void frames_drop(busd_bus *bus);
+void flush(busd_bus *bus);
+int read_more(busd_bus *bus);
+unsigned batch_take(busd_bus *bus, unsigned claimed, int fds[2]);
+
+/* control.c */
+int control_take(busd_bus *bus, const unsigned char *bytes, size_t size);
+
+/* declare.c */
+int declare_node(busd_node *node);
+int declare_endpoint(struct endpoint *end);
+void declare_all(busd_bus *bus);
+void answer_take(busd_bus *bus, busd_in body, bool is_created);
+int await(busd_bus *bus, uint64_t request);
+void endpoint_free(struct endpoint *end);
+void endpoint_gone(struct endpoint *end);
+
+/* segment.c */
+struct map *segment_make(busd_bus *bus, const char *name, uint64_t size, int *fd);
+void segment_seal(int fd);
+const char *segment_map(int fd, struct map **map);
+bool segment_is(int fd, const struct map *map);
+struct map *map_use(struct map *map);
+void map_drop(struct map *map);
+
+/* headroom.c */
+bool headroom_claim(busd_bus *bus, uint64_t size, uint64_t whole);
+
+/* names.c */
+char *topic_name(const busd_node *node, const char *topic);
+int socket_path(char *path, size_t size);
+
+/* room.c */
+bool room_begin(busd_publisher *publisher);
+void room_set_hold(busd_publisher *publisher);
+int room_reserve(busd_publisher *publisher, uint64_t size, void **place);
+bool room_is_there(busd_publisher *publisher);
+void room_announce(busd_publisher *publisher);
+const unsigned char *room_record(const busd_publisher *publisher, uint64_t seq);
+uint64_t room_since(const busd_publisher *publisher, uint64_t at_ns);
+bool has_nothing_unread(const busd_bus *bus);
+
+/* matches.c */
+void publisher_matched(busd_publisher *publisher, busd_in body, busd_in qos, const unsigned char *gid);
+const char *publisher_attached(busd_publisher *publisher, busd_in body, int fds[2], unsigned count);
+void publisher_unmatched(busd_publisher *publisher, busd_in body);
+void publisher_rerouted(busd_publisher *publisher, busd_in body);
+void publisher_silence(busd_publisher *publisher, busd_in body);
+void match_make_lossy(busd_publisher *publisher, struct match *match);
+void matches_sweep(busd_publisher *publisher);
+void matches_drop_stale(busd_publisher *publisher);
+void matches_free(busd_publisher *publisher);
+void ring_doorbells(busd_publisher *publisher, bool is_for_any);
+
+/* stream.c */
+bool stream_is_on(busd_publisher *publisher);
+bool stream_has_room(const busd_publisher *publisher);
+void stream_published(busd_publisher *publisher);
+bool stream_flush(busd_publisher *publisher);
+void stream_match(busd_publisher *publisher, uint64_t at_ns);
+void stream_resend(busd_publisher *publisher, uint64_t at_ns, uint64_t after, uint64_t only_for);
+void stream_credit(busd_publisher *publisher, uint64_t seq);
+void stream_lost(busd_publisher *publisher);
+uint64_t stream_next_seq(busd_publisher *publisher);
+
+/* sources.c */
+void subscription_matched(busd_subscription *sub, busd_in body, busd_in qos, const unsigned char *gid, const int *fds,
+                          unsigned count);
+void subscription_unmatched(busd_subscription *sub, busd_in body);
+void subscription_rerouted(busd_subscription *sub, uint64_t number);
+void subscription_ring(busd_subscription *sub, busd_in body, const int *fds, unsigned count);
+struct source *source_find(const busd_subscription *sub, uint64_t number);
+struct source *source_oldest(busd_subscription *sub);
+void source_leave(busd_subscription *sub, struct source *source);
+void source_show_cursor(struct source *source);
+void sources_drop_stale(busd_subscription *sub);
+void sources_free(busd_subscription *sub);
+void seat_release(struct seat *seat);
+
+/* inbox.c */
+int inbox_run(busd_subscription *sub, const unsigned char *body, size_t size, unsigned flags);
+struct sample *sample_new(busd_subscription *sub, size_t size);
+void sample_free(busd_subscription *sub, struct sample *sample);
+void inbox_add(busd_subscription *sub, struct sample *sample);
+struct sample *inbox_pop(busd_subscription *sub);
+void inbox_taken(busd_subscription *sub, const struct sample *sample);
+void inbox_forget(busd_subscription *sub, const struct source *source);
+void inbox_ack(busd_subscription *sub);
+void inbox_free(busd_subscription *sub);
+
+/* subscription.c */
+void subscription_free(busd_subscription *sub);
+bool subscription_has_news(const busd_subscription *sub);
+bool subscription_deliver(busd_subscription *sub, int most);
+
+/* publisher.c */
+void publisher_free(busd_publisher *publisher);
+
+/* reports.c */
+void report_due(struct endpoint *end);
+void report_send(busd_bus *bus);
+void report_dropped(busd_subscription *sub, busd_in body);
+
+#endif

@@ -1,0 +1,37 @@
+/* Full names of topics, and the path of busd's socket. busd checks names; this only expands them. */
+#include <stdio.h>
+#include <stdlib.h>
+#include <unistd.h>
+
+#include "internal.h"
+
+/* The full name of a relative, private (~) or absolute topic; NULL: no memory. */
+char *topic_name(const busd_node *node, const char *topic)
+{
+    const char *ns = strcmp(node->ns, "/") == 0 ? "" : node->ns;
+    char *full = NULL;
+    int size;
+    if (topic[0] == '/')
+        return strdup(topic);
+    if (topic[0] == '~')
+        size = asprintf(&full, "%s/%s%s", ns, node->name, topic + 1);
+    else
+        size = asprintf(&full, "%s/%s", ns, topic);
+    return size < 0 ? NULL : full;
+}
+
+/* The path of the socket, as docs/configuration.md has it. 0, or -ENAMETOOLONG. */
+int socket_path(char *path, size_t size)
+{
+    const char *chosen = getenv("BUSD_SOCKET"), *runtime = getenv("XDG_RUNTIME_DIR"), *domain = getenv("BUSD_DOMAIN");
+    int length;
+    if (domain == NULL || *domain == '\0')
+        domain = "0";
+    if (chosen != NULL && *chosen != '\0')
+        length = snprintf(path, size, "%s", chosen);
+    else if (runtime != NULL && *runtime == '/')
+        length = snprintf(path, size, "%s/busd/%s.sock", runtime, domain);
+    else
+        length = snprintf(path, size, "/tmp/busd-%u/%s.sock", (unsigned)getuid(), domain);
+    return length < 0 || (size_t)length >= size ? -ENAMETOOLONG : 0;
+}

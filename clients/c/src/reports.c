@@ -1,0 +1,122 @@
+/* Counters for busd's statistics: reported when they have changed, at most twice a second, some endpoints at a time. And
+ * busd's own counts of what it dropped. */
+#include "internal.h"
+
+#define REPORT_NS (SECOND_NS / 2)
+#define PAUSE_NS (SECOND_NS / 10)
+#define SOME 64
+
+const char *const reason_names[REASONS] = {
+    [REPLACED] = "replaced",         [PUBLISHER_QUEUE] = "publisher_queue", [EXPIRED] = "expired",
+    [MEMORY_LIMIT] = "memory_limit", [TOO_LARGE] = "too_large",             [UNDECODABLE] = "undecodable",
+    [DISCONNECTED] = "disconnected", [OTHER] = "other",
+};
+
+/* Reports the counters of an endpoint soon. */
+void report_due(struct endpoint *end)
+{
+    busd_bus *bus = end->node->bus;
+    end->is_dirty = true;
+    if (bus->at[REPORT] == 0)
+        set_timer(bus, REPORT, now_ns() + REPORT_NS);
+}
+
+static void report_publisher(busd_bus *bus, const busd_publisher *p)
+{
+    control_simple(bus, "report", 4, (const char *const[]){"endpoint", "samples", "bytes", "at_ns"},
+                   (const uint64_t[]){p->end.id, p->samples, p->bytes, (uint64_t)now_ns()});
+}
+
+/* Samples dropped here, by reason; with those in the rings that are read now. */
+static unsigned dropped_here(const busd_subscription *sub, uint64_t dropped[REASONS])
+{
+    unsigned count = 0;
+    memcpy(dropped, sub->dropped, sizeof sub->dropped);
+    for (const struct source *source = sub->sources; source != NULL; source = source->next) {
+        if (source->seat == NULL)
+            continue;
+        dropped[REPLACED] += source->feed.ring.replaced;
+        dropped[sub->depth != 0 ? REPLACED : PUBLISHER_QUEUE] += source->feed.ring.overrun;
+    }
+    for (int i = 0; i < REASONS; i++)
+        count += dropped[i] != 0;
+    return count;
+}
+
+static void report_subscription(busd_bus *bus, busd_subscription *sub)
+{
+    uint64_t dropped[REASONS];
+    busd_stats stats;
+    busd_out out;
+    const unsigned reasons = dropped_here(sub, dropped);
+    uint64_t by_busd = 0;
+    busd_subscription_stats(sub, &stats);
+    for (int i = 0; i < REASONS; i++)
+        by_busd += sub->dropped_by_busd[i];
+    control_begin(&out, "report", 11);
+    field_number(&out, "endpoint", sub->end.id);
+    field_number(&out, "samples", stats.samples);
+    field_number(&out, "bytes", stats.bytes);
+    field_number(&out, "queued", stats.queued);
+    busd_put_text(&out, "dropped", strlen("dropped"));
+    busd_put_map(&out, reasons);
+    for (int i = 0; i < REASONS; i++)
+        if (dropped[i] != 0)
+            field_number(&out, reason_names[i], dropped[i]);
+    field_number(&out, "expected", stats.expected - sub->received - by_busd);
+    field_number(&out, "repeated", sub->repeated);
+    field_number(&out, "at_ns", (uint64_t)now_ns());
+    field_number(&out, "age_count", sub->age_count);
+    field_number(&out, "age_sum_ns", sub->age_sum_ns);
+    field_number(&out, "age_max_ns", sub->age_max_ns);
+    control_send(bus, &out, NULL, 0);
+    sub->age_count = sub->age_sum_ns = sub->age_max_ns = 0;
+    if (stats.queued != 0)
+        report_due(&sub->end); /* nothing else reports when they are taken */
+}
+
+/* Sends the reports that are due. */
+void report_send(busd_bus *bus)
+{
+    int left = SOME;
+    set_timer(bus, REPORT, 0);
+    if (!busd_is_connected(bus))
+        return;
+    for (busd_publisher *p = bus->publishers; p != NULL && left > 0; p = p->next) {
+        if (!p->end.is_dirty || p->end.state != DECLARED)
+            continue;
+        p->end.is_dirty = false;
+        report_publisher(bus, p);
+        left--;
+    }
+    for (busd_subscription *s = bus->subscriptions; s != NULL && left > 0; s = s->next) {
+        if (!s->end.is_dirty || s->end.state != DECLARED)
+            continue;
+        s->end.is_dirty = false;
+        report_subscription(bus, s);
+        left--;
+    }
+    if (left == 0)
+        set_timer(bus, REPORT, now_ns() + PAUSE_NS);
+}
+
+/* Dropped: busd's totals of the samples that it dropped for a subscription. */
+void report_dropped(busd_subscription *sub, busd_in body)
+{
+    busd_in map;
+    busd_item head, reason, count;
+    if (!busd_find(body, "dropped", &map) || !busd_get_item(&map, &head) || head.kind != BUSD_MAP)
+        return;
+    memset(sub->dropped_by_busd, 0, sizeof sub->dropped_by_busd);
+    for (uint64_t left = head.number; left > 0 && busd_get_item(&map, &reason) && busd_get_item(&map, &count); left--) {
+        int known = 0;
+        if (reason.kind != BUSD_TEXT_ITEM || count.kind != BUSD_UINT)
+            return;
+        while (known < OTHER
+               && (strlen(reason_names[known]) != reason.number
+                   || memcmp(reason_names[known], reason.bytes, reason.number) != 0))
+            known++;
+        sub->dropped_by_busd[known] += count.number;
+    }
+    report_due(&sub->end);
+}

@@ -1,0 +1,398 @@
+/* The publishers of a subscription, and their rings. docs/ring.md: "Reading"; feed.h reads one publisher's rings.
+ *
+ *     no seat               its samples come by socket, if any
+ *     a seat                it is read by ring
+ *     is_stale              busd was lost, or is back and has not made the match again. Its ring is read on
+ *     is_gone with a seat   the samples left in its ring are taken, then the ring is left
+ *     is_gone               only its last number is remembered, because it may come back
+ */
+#include <fcntl.h>
+#include <stdlib.h>
+#include <sys/random.h>
+#include <unistd.h>
+
+#include "internal.h"
+
+/* --- slots of our readers' segment */
+
+static struct seat *seat_take(busd_bus *bus)
+{
+    struct seat *seat = bus->free_count == 0 ? NULL : calloc(1, sizeof *seat);
+    if (seat == NULL)
+        return NULL;
+    seat->bus = bus;
+    seat->number = bus->free_slots[bus->free_first];
+    seat->slot = &readers_slots(bus->readers->memory)[seat->number];
+    bus->free_first = (bus->free_first + 1) % SLOTS;
+    bus->free_count--;
+    return seat;
+}
+
+/* Gives the slot back, once its match is over and nothing is pinned. Longest free slots are used first. */
+void seat_release(struct seat *seat)
+{
+    busd_bus *bus = seat->bus;
+    if (!seat->is_left || seat->pinned != 0)
+        return;
+    bus->free_slots[(bus->free_first + bus->free_count++) % SLOTS] = seat->number;
+    free(seat);
+}
+
+/* --- sources */
+
+/* The source with busd's number; the latest if there are several. */
+struct source *source_find(const busd_subscription *sub, uint64_t number)
+{
+    struct source *source = sub->sources;
+    while (source != NULL && (source->number != number || source->is_stale))
+        source = source->next;
+    return source;
+}
+
+static struct source *source_of_gid(busd_subscription *sub, const unsigned char *gid)
+{
+    struct source *source = sub->sources;
+    while (source != NULL && memcmp(source->gid, gid, sizeof source->gid) != 0)
+        source = source->next;
+    if (source != NULL || (source = calloc(1, sizeof *source)) == NULL)
+        return source;
+    memcpy(source->gid, gid, sizeof source->gid);
+    source->doorbell = -1;
+    source->next = sub->sources;
+    sub->sources = source;
+    return source;
+}
+
+static void forget_oldest_gone(busd_subscription *sub)
+{
+    struct source **oldest = NULL;
+    unsigned count = 0;
+    for (struct source **at = &sub->sources; *at != NULL; at = &(*at)->next) {
+        if (!(*at)->is_gone || (*at)->seat != NULL)
+            continue;
+        oldest = at; /* the list begins with the newest */
+        count++;
+    }
+    if (count <= MOST_GONE)
+        return;
+    struct source *source = *oldest;
+    *oldest = source->next;
+    inbox_forget(sub, source);
+    free(source);
+}
+
+/* Shows the publisher how far its samples are taken, and rings it if it waits for that. */
+void source_show_cursor(struct source *source)
+{
+    if (feed_show_cursor(&source->feed) && source->doorbell >= 0)
+        doorbell_ring(source->doorbell, KNOCK_ANY);
+}
+
+/* Leaves the ring. Its samples that still wait are lost; see drain(). */
+void source_leave(busd_subscription *sub, struct source *source)
+{
+    if (source->seat == NULL)
+        return;
+    struct feed *feed = &source->feed;
+    sub->dropped[sub->depth != 0 ? REPLACED : PUBLISHER_QUEUE] += feed->ring.overrun;
+    sub->dropped[REPLACED] += feed->ring.replaced;
+    sub->passed += feed->ring.next - feed->first;
+    source->last_seq = feed->ring.next - 1;
+    feed_close(feed, source->seat->bus->pid == getpid());
+    if (source->doorbell >= 0)
+        close(source->doorbell);
+    source->doorbell = -1;
+    source->newest = NULL;
+    source->seat->is_left = true;
+    seat_release(source->seat);
+    source->seat = NULL;
+    source->is_by_ring = false;
+}
+
+/* Moves the samples that wait in the ring into the queue, before the ring is left. */
+static void drain(busd_subscription *sub, struct source *source)
+{
+    struct feed *feed = &source->feed;
+    source->taken_seq = feed->ring.next - 1;
+    feed_poll(feed, 0);
+    while (feed_head(feed, 0) == RING_OK) {
+        const struct ring_record record = feed->head;
+        struct sample *sample = sample_new(sub, record.size + 8);
+        if (sample == NULL)
+            return;
+        sample->source = source;
+        sample->seq = record.seq;
+        sample->publisher = source->number;
+        sample->stamp_ns = (int64_t)feed_stamp(feed, &record);
+        sample->size = record.size;
+        if (feed_copy(feed, 0, &record, sample->bytes) == RING_OK)
+            inbox_add(sub, sample);
+        else
+            sample_free(sub, sample);
+    }
+}
+
+static void refuse(busd_subscription *sub, const struct source *source, const char *fault)
+{
+    busd_out out;
+    control_begin(&out, "noshm", 3);
+    field_number(&out, "endpoint", sub->end.id);
+    field_number(&out, "other", source->number);
+    field_text(&out, "text", fault);
+    control_send(sub->end.node->bus, &out, NULL, 0);
+    tell(sub->end.node->bus, BUSD_ROUTE, &sub->end, "%s by socket: %s", sub->end.topic, fault);
+}
+
+/* --- rings */
+
+static void leave_ring(struct feed_ring *ring)
+{
+    struct ring_of *ours = (struct ring_of *)ring;
+    map_drop(ours->map);
+    free(ours);
+}
+
+/* Maps a publisher's ring. Returns its fault; NULL: *ring is it. */
+static const char *map_ring(int fd, struct ring_of **ring)
+{
+    struct map *map;
+    const char *fault = segment_map(fd, &map);
+    struct ring_of *ours = fault == NULL ? calloc(1, sizeof *ours) : NULL;
+    if (fault == NULL)
+        fault = ours == NULL ? "no memory" : ring_check(map->memory, map->size, &ours->ring.geometry);
+    if (fault != NULL) {
+        map_drop(map);
+        free(ours);
+        return fault;
+    }
+    ours->map = map;
+    ours->ring.memory = map->memory;
+    ours->ring.leave = leave_ring;
+    *ring = ours;
+    return NULL;
+}
+
+static const char *extend(struct source *source, int fd)
+{
+    struct ring_of *ring;
+    const char *fault = map_ring(fd, &ring);
+    if (fault != NULL)
+        return fault;
+    if (!feed_extend(&source->feed, &ring->ring)) {
+        leave_ring(&ring->ring);
+        return "too many rings of this publisher wait";
+    }
+    source->newest = ring->map;
+    return NULL;
+}
+
+static uint64_t random_number(void)
+{
+    uint64_t number;
+    return getrandom(&number, sizeof number, GRND_NONBLOCK) == sizeof number ? number : (uint64_t)now_ns();
+}
+
+/* How much history the subscription gets of a publisher with these QoS. */
+static uint64_t history_of(const busd_subscription *sub, busd_in qos)
+{
+    if (sub->end.qos.durability != BUSD_TRANSIENT_LOCAL || !busd_find_is(qos, "durability", "transient_local"))
+        return 0;
+    const uint64_t offered = busd_find_is(qos, "history", "keep_all") ? RING_FOR_EVER : busd_find_number(qos, "depth", 10);
+    return sub->depth != 0 ? sizes_min(offered, sub->depth) : offered;
+}
+
+/* Begins to read the ring. Returns the fault because of which it can't. */
+static const char *attach(busd_subscription *sub, struct source *source, busd_in body, busd_in qos, const int *fds)
+{
+    busd_bus *bus = sub->end.node->bus;
+    struct feed *feed = &source->feed;
+    struct ring_of *ring;
+    struct seat *seat = seat_take(bus);
+    if (seat == NULL)
+        return bus->free_count == 0 ? "all slots of the readers' segment are in use" : "no memory";
+    const char *fault = map_ring(fds[0], &ring);
+    if (fault != NULL) {
+        seat->is_left = true;
+        seat_release(seat);
+        return fault;
+    }
+    source->seat = seat;
+    source->newest = ring->map;
+    feed_attach(feed, &ring->ring, seat->slot, random_number());
+    feed->lifespan_ns = source->lifespan_ns;
+    feed->clock_ns = busd_find_number(body, "clock_ns", 0);
+    const uint64_t at_ns = busd_find_number(body, "at_ns", 0);
+    uint64_t old = 0, seq = feed_find(feed, at_ns, history_of(sub, qos), &old);
+    if (source->last_seq != 0)
+        seq = source->last_seq + 1;
+    else if (busd_find_number(body, "next_seq", 1) == 1 && (int64_t)at_ns > sub->declared_ns)
+        seq = 1; /* the publisher is younger than the subscription */
+    source->history_end = seq + old;
+    if (!feed_begin(feed, seq)) {
+        feed->first = feed->ring.next = 1; /* nothing of it counts */
+        source_leave(sub, source);
+        source->last_seq = 0;
+        return "the ring's numbers are out of bounds";
+    }
+    if (sub->end.is_lossless)
+        source->doorbell = fcntl(fds[1], F_DUPFD_CLOEXEC, 0);
+    source->is_by_ring = true;
+    return NULL;
+}
+
+/* --- messages of busd */
+
+static void by_socket(busd_subscription *sub, struct source *source, busd_in body, busd_in qos, bool is_new)
+{
+    const uint64_t next_seq = busd_find_number(body, "next_seq", 1);
+    if (source->seat != NULL) {
+        drain(sub, source);
+        source_leave(sub, source);
+    }
+    const bool has_history = sub->end.qos.durability == BUSD_TRANSIENT_LOCAL && busd_find_is(qos, "durability", "transient_local");
+    if (is_new || has_history || source->is_lossless || next_seq <= source->last_seq + 1)
+        return;
+    const uint64_t missed = next_seq - 1 - source->last_seq;
+    sub->dropped[DISCONNECTED] += missed;
+    sub->away += missed;
+    source->last_seq = next_seq - 1;
+}
+
+void subscription_matched(busd_subscription *sub, busd_in body, busd_in qos, const unsigned char *gid, const int *fds,
+                          unsigned count)
+{
+    busd_bus *bus = sub->end.node->bus;
+    struct source *source = source_of_gid(sub, gid);
+    if (source == NULL)
+        return;
+    const bool is_new = source->number == 0, was_gone = source->is_gone, is_back = source->is_stale;
+    const double lifespan_s = busd_find_real(qos, "lifespan", 0);
+    source->number = busd_find_number(body, "other", 0);
+    source->lifespan_ns = lifespan_s > 0 && lifespan_s < 1e9 ? (uint64_t)(lifespan_s * 1e9) : 0;
+    source->is_lossless = sub->end.is_lossless && busd_find_is(qos, "history", "keep_all")
+                          && !busd_find_is(qos, "reliability", "best_effort");
+    source->is_stale = source->is_gone = false;
+    source->acked_seq = 0;
+    if (!busd_find_is(body, "route", "shm") || !bus->shares) {
+        by_socket(sub, source, body, qos, is_new);
+    } else {
+        if (source->seat != NULL && was_gone) {
+            drain(sub, source);
+            source_leave(sub, source);
+        }
+        const char *fault = count != 2               ? "descriptors are missing"
+                            : source->seat == NULL   ? attach(sub, source, body, qos, fds)
+                            : segment_is(fds[0], source->newest) ? NULL
+                                                     : extend(source, fds[0]);
+        if (fault != NULL)
+            refuse(sub, source, fault);
+        else
+            control_simple(bus, "attach", 3, (const char *const[]){"subscription", "source", "slot"},
+                           (const uint64_t[]){sub->end.id, source->number, source->seat->number});
+    }
+    report_due(&sub->end);
+    if (busd_find_number(body, "is_tap", 0) == 0 && !is_back)
+        tell(bus, BUSD_MATCHED, &sub->end, "%s has a publisher by %s", sub->end.topic,
+             source->is_by_ring ? "shared memory" : "socket");
+}
+
+static void source_finish(busd_subscription *sub, struct source *source)
+{
+    source->is_gone = true;
+    source->is_stale = false;
+    if (source->seat != NULL && feed_finish(&source->feed))
+        source_leave(sub, source);
+}
+
+void subscription_unmatched(busd_subscription *sub, busd_in body)
+{
+    struct source *source = source_find(sub, busd_find_number(body, "other", 0));
+    if (source == NULL || source->is_gone)
+        return;
+    source_finish(sub, source);
+    forget_oldest_gone(sub);
+    tell(sub->end.node->bus, BUSD_UNMATCHED, &sub->end, "%s has lost a publisher", sub->end.topic);
+}
+
+void subscription_rerouted(busd_subscription *sub, uint64_t number)
+{
+    struct source *source = source_find(sub, number);
+    if (source == NULL)
+        return;
+    if (source->seat != NULL) {
+        drain(sub, source);
+        source_leave(sub, source);
+    }
+    control_simple(sub->end.node->bus, "left", 3, (const char *const[]){"subscription", "source", "seq"},
+                   (const uint64_t[]){sub->end.id, number, source->last_seq});
+}
+
+/* RingReplaced: the publisher continues in another ring. */
+void subscription_ring(busd_subscription *sub, busd_in body, const int *fds, unsigned count)
+{
+    struct source *source = source_find(sub, busd_find_number(body, "source", 0));
+    if (source == NULL || source->seat == NULL)
+        return;
+    const char *fault = count != 1 ? "descriptors are missing" : extend(source, fds[0]);
+    if (fault != NULL)
+        refuse(sub, source, fault);
+}
+
+/* Ends sources that the next busd has not matched again in time. */
+void sources_drop_stale(busd_subscription *sub)
+{
+    for (struct source *source = sub->sources; source != NULL; source = source->next)
+        if (source->is_stale)
+            source_finish(sub, source);
+}
+
+void sources_free(busd_subscription *sub)
+{
+    for (struct source *source; (source = sub->sources) != NULL; free(source)) {
+        source_leave(sub, source);
+        sub->sources = source->next;
+    }
+}
+
+/* --- the next sample */
+
+/* Samples that the depth must leave alone, because they are history. */
+static uint64_t spared(const struct source *source)
+{
+    const uint64_t next = source->feed.ring.next;
+    return source->history_end > next ? sizes_min(source->history_end - next, source->feed.waiting) : 0;
+}
+
+/* Looks at one ring. False: it has no sample now. */
+static bool look(busd_subscription *sub, struct source *source)
+{
+    feed_poll(&source->feed, 0);
+    const enum ring_status status = feed_head(&source->feed, 0);
+    if (status == RING_CORRUPT) {
+        source_leave(sub, source);
+        refuse(sub, source, "the ring is corrupt");
+    } else if (status == RING_EMPTY && source->is_gone && feed_waiting(&source->feed) == 0) {
+        source_leave(sub, source);
+    }
+    return status == RING_OK;
+}
+
+/* The source with the oldest sample in its ring; NULL: no ring has one. Passes over samples above the depth. */
+struct source *source_oldest(busd_subscription *sub)
+{
+    for (;;) {
+        struct source *oldest = NULL;
+        uint64_t waiting = 0;
+        for (struct source *source = sub->sources; source != NULL; source = source->next) {
+            if (source->seat == NULL || !look(sub, source))
+                continue;
+            waiting += source->feed.waiting - spared(source);
+            if (oldest == NULL || feed_stamp(&source->feed, &source->feed.head) < feed_stamp(&oldest->feed, &oldest->feed.head))
+                oldest = source;
+        }
+        if (oldest == NULL || sub->depth == 0 || waiting <= sub->depth)
+            return oldest;
+        const bool is_alone = waiting == oldest->feed.waiting;
+        feed_skip(&oldest->feed, is_alone ? waiting - sub->depth : 1); /* of several, one by one in order of the stamps */
+    }
+}

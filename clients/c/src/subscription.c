@@ -1,0 +1,224 @@
+/* The calls of a subscription. Samples by socket come before those in rings: if a match has changed its route, they are
+ * older.
+ *
+ * A held message is one of three things, told by the lowest bits of `held`: a pinned record, a copy of its own, or a
+ * copy in the subscription's scratch.
+ */
+#include <stdlib.h>
+
+#include "internal.h"
+
+#define SOURCE_BYTES 16u
+#define AGE_EVERY 32u /* samples, for one age */
+
+enum { HELD_PIN, HELD_COPY, HELD_SCRATCH, HELD_MASK };
+
+static void *held(void *thing, unsigned kind) { return (char *)thing + kind; }
+
+/* Takes the time of the message's source out of the payload, if it is there. */
+static void take_source_time(busd_message *message)
+{
+    static const unsigned char mark[] = {0xc7, 0x0d, 0x54, 0, 0, 0, 0, 0};
+    if (message->size < SOURCE_BYTES || memcmp(message->data, mark, sizeof mark) != 0)
+        return;
+    memcpy(&message->source_ns, (const char *)message->data + sizeof mark, 8);
+    message->data = (const char *)message->data + SOURCE_BYTES;
+    message->size -= SOURCE_BYTES;
+}
+
+static void count_taken(busd_subscription *sub, const busd_message *message)
+{
+    sub->samples++;
+    sub->bytes += message->size;
+    if (!sub->end.is_dirty || sub->samples % AGE_EVERY == 0) {
+        const int64_t now = now_ns();
+        const uint64_t age = now > message->stamp_ns ? (uint64_t)(now - message->stamp_ns) : 0;
+        sub->age_count++;
+        sub->age_sum_ns += age;
+        sub->age_max_ns = sizes_max(sub->age_max_ns, age);
+    }
+    if (!sub->end.is_dirty)
+        report_due(&sub->end);
+}
+
+static bool is_expired(uint64_t lifespan_ns, int64_t stamp_ns)
+{
+    return lifespan_ns != 0 && now_ns() - stamp_ns > (int64_t)lifespan_ns;
+}
+
+static bool take_from_inbox(busd_subscription *sub, busd_message *message)
+{
+    while (sub->first != NULL) {
+        struct sample *sample = inbox_pop(sub);
+        inbox_taken(sub, sample);
+        if (sample->source != NULL && is_expired(sample->source->lifespan_ns, sample->stamp_ns)) {
+            sub->dropped[EXPIRED]++;
+            sample_free(sub, sample);
+            continue;
+        }
+        *message = (busd_message){.data = sample->bytes, .size = sample->size, .stamp_ns = sample->stamp_ns,
+                                  .seq = sample->seq, .publisher = sample->publisher, .held = held(sample, HELD_COPY)};
+        return true;
+    }
+    return false;
+}
+
+/* Pins the head of the feed for the message. RING_PINNED: it must be copied. */
+static enum ring_status take_pinned(struct source *source, const struct ring_record *record, busd_message *message)
+{
+    struct seat *seat = source->seat;
+    struct map *map = ((struct ring_of *)source->feed.rings)->map;
+    unsigned pin;
+    const enum ring_status status = feed_pin(&source->feed, 0, record, &pin);
+    if (status != RING_OK)
+        return status;
+    seat->holds[pin] = (struct hold){seat, pin, map_use(map)};
+    seat->pinned++;
+    message->data = record->payload;
+    message->held = held(&seat->holds[pin], HELD_PIN);
+    return RING_OK;
+}
+
+static enum ring_status take_copy(busd_subscription *sub, struct source *source, const struct ring_record *record,
+                                  busd_message *message)
+{
+    struct sample *copy = NULL;
+    const bool uses_scratch = record->size <= COPY_BYTES && !sub->is_scratch_used;
+    if (!uses_scratch && (copy = sample_new(sub, record->size + 8)) == NULL)
+        return RING_EMPTY;
+    unsigned char *to = uses_scratch ? sub->scratch : copy->bytes;
+    const enum ring_status status = feed_copy(&source->feed, 0, record, to);
+    if (status != RING_OK && copy != NULL)
+        sample_free(sub, copy);
+    if (status != RING_OK)
+        return status;
+    sub->is_scratch_used |= uses_scratch;
+    message->data = to;
+    message->held = uses_scratch ? held(sub, HELD_SCRATCH) : held(copy, HELD_COPY);
+    return RING_OK;
+}
+
+static int take_from_rings(busd_subscription *sub, busd_message *message)
+{
+    for (struct source *source; (source = source_oldest(sub)) != NULL;) {
+        const struct ring_record record = source->feed.head;
+        const int64_t stamp_ns = (int64_t)feed_stamp(&source->feed, &record);
+        if (is_expired(source->lifespan_ns, stamp_ns)) {
+            sub->dropped[EXPIRED]++;
+            feed_step(&source->feed);
+            if (sub->end.is_lossless)
+                source_show_cursor(source);
+            continue;
+        }
+        *message = (busd_message){.size = record.size, .stamp_ns = stamp_ns, .seq = record.seq, .publisher = source->number, .by_ring = 1};
+        enum ring_status status = record.size > COPY_BYTES ? take_pinned(source, &record, message) : RING_PINNED;
+        if (status == RING_PINNED)
+            status = take_copy(sub, source, &record, message);
+        if (status == RING_EMPTY)
+            return fail(sub->end.node->bus, ENOMEM, "%s: no memory for a message of %u bytes", sub->end.topic, record.size);
+        if (status != RING_OK)
+            continue; /* overrun meanwhile, and counted */
+        if (sub->end.is_lossless)
+            source_show_cursor(source);
+        return 1;
+    }
+    return 0;
+}
+
+int busd_take(busd_subscription *sub, busd_message *message)
+{
+    const int status = take_from_inbox(sub, message) ? 1 : take_from_rings(sub, message);
+    if (status != 1)
+        return status;
+    take_source_time(message);
+    count_taken(sub, message);
+    return 1;
+}
+
+void busd_release(busd_message *message)
+{
+    const uintptr_t kind = (uintptr_t)message->held & HELD_MASK;
+    void *thing = message->held == NULL ? NULL : (char *)message->held - kind;
+    message->held = NULL;
+    message->data = NULL;
+    message->size = 0;
+    if (thing == NULL)
+        return;
+    if (kind == HELD_SCRATCH) {
+        ((busd_subscription *)thing)->is_scratch_used = false;
+    } else if (kind == HELD_COPY) {
+        sample_free(NULL, thing);
+    } else {
+        struct hold *hold = thing;
+        struct seat *seat = hold->seat;
+        ring_unpin(seat->slot, hold->pin);
+        map_drop(hold->map);
+        seat->pinned--;
+        seat_release(seat);
+    }
+}
+
+bool subscription_has_news(const busd_subscription *sub)
+{
+    if (sub->first != NULL)
+        return true;
+    for (const struct source *source = sub->sources; source != NULL; source = source->next)
+        if (source->seat != NULL && feed_waiting(&source->feed) != 0)
+            return true;
+    return false;
+}
+
+int busd_is_ready(const busd_subscription *sub) { return subscription_has_news(sub); }
+
+/* Calls back for up to `most` messages. True: more wait. */
+bool subscription_deliver(busd_subscription *sub, int most)
+{
+    busd_message message;
+    for (; most > 0 && !sub->end.is_closed && busd_take(sub, &message) == 1; most--) {
+        sub->callback(sub->user, &message);
+        if (message.held != NULL && ((uintptr_t)message.held & HELD_MASK) == HELD_COPY)
+            sample_free(sub, (struct sample *)((char *)message.held - HELD_COPY)); /* kept for the next message */
+        else
+            busd_release(&message);
+    }
+    return most == 0 && !sub->end.is_closed;
+}
+
+void busd_subscription_stats(const busd_subscription *sub, busd_stats *stats)
+{
+    *stats = (busd_stats){.samples = sub->samples, .bytes = sub->bytes, .queued = sub->queued};
+    uint64_t passed = sub->passed, by_busd = 0;
+    for (int i = 0; i < REASONS; i++) {
+        uint64_t *count = i == REPLACED ? &stats->replaced : i == EXPIRED ? &stats->expired : &stats->lost;
+        *count += sub->dropped[i] + sub->dropped_by_busd[i];
+        by_busd += sub->dropped_by_busd[i];
+    }
+    for (const struct source *source = sub->sources; source != NULL; source = source->next) {
+        stats->matches += !source->is_gone;
+        if (source->seat == NULL)
+            continue;
+        const struct feed *feed = &source->feed;
+        const uint64_t waiting = feed_waiting(feed);
+        stats->by_ring += !source->is_gone;
+        stats->queued += waiting;
+        stats->replaced += feed->ring.replaced;
+        *(sub->depth != 0 ? &stats->replaced : &stats->lost) += feed->ring.overrun;
+        passed += feed->ring.next + waiting - feed->first;
+    }
+    stats->expected = passed + sub->received + sub->earlier + sub->away + by_busd;
+}
+
+int busd_subscription_matches(const busd_subscription *sub)
+{
+    busd_stats stats;
+    busd_subscription_stats(sub, &stats);
+    return (int)stats.matches;
+}
+
+void subscription_free(busd_subscription *sub)
+{
+    inbox_free(sub);
+    sources_free(sub);
+    endpoint_free(&sub->end);
+    free(sub);
+}

@@ -1,0 +1,139 @@
+"""Programs in C: the C client and its test programs, built once for all tests with ASan and UBSan."""
+
+import fcntl
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from programs import Program, running_command
+
+ROOT = Path(__file__).parents[1]
+CLIENT = ROOT / "clients" / "c"
+SOURCES = ROOT / "tests" / "c_client"
+SANITIZE = "-fsanitize=address,undefined -fno-sanitize-recover=undefined"
+FLAGS = ["-Wall", "-Wextra", "-Werror", "-O1", "-g", *SANITIZE.split()]
+MESSAGES = ("geometry_msgs/msg/PoseArray", "sensor_msgs/msg/Image", "std_msgs/msg/String")
+"""Types of the test programs."""
+
+
+def why_not() -> str:
+    """Why programs in C can't be built here; "" if they can."""
+    missing = [name for name in ("gcc", "make", "ar") if shutil.which(name) is None]
+    return f"the C client is not tested: no {', '.join(missing)}" if missing else ""
+
+
+def build_once(factory: pytest.TempPathFactory) -> Path:
+    """The folder with the built programs. All workers of pytest-xdist share it."""
+    if reason := why_not():
+        pytest.skip(reason)
+    base = factory.getbasetemp()
+    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "c_client"
+    folder.mkdir(exist_ok=True)
+    with (folder / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not (folder / "built").exists():
+            _build(folder)
+            (folder / "built").touch()
+    return folder
+
+
+def _build(folder: Path) -> None:
+    run(
+        "make",
+        "-s",
+        "-C",
+        CLIENT,
+        "-j2",
+        f"BUILD={folder}",
+        f"BUS={sys.executable} -m bus_cli",
+        f"SANITIZE={SANITIZE}",
+        "CFLAGS=-O1 -g -Werror",
+    )
+    for name in MESSAGES:
+        run(sys.executable, "-m", "bus_cli", "interface", "c", "--output", folder / "types", name)
+    for name in ("peer", "repack"):
+        compile_c(folder, SOURCES / f"{name}.c", folder / name)
+    if not why_no_cpp():
+        compile_cpp(folder, SOURCES / "peer.cpp", folder / "peer_cpp")
+
+
+def why_no_cpp() -> str:
+    """Why programs in C++ can't be built here; "" if they can."""
+    return "" if shutil.which("g++") else "the C++ header is not tested: no g++"
+
+
+def compile_c(folder: Path, source: Path, program: Path, *options: str) -> None:
+    """Build a program with the library of `folder`."""
+    includes = [f"-I{CLIENT / 'include'}", f"-I{folder / 'types'}"]
+    run(
+        "gcc",
+        "-std=c11",
+        "-D_GNU_SOURCE",
+        *FLAGS,
+        *options,
+        *includes,
+        "-o",
+        program,
+        source,
+        folder / "libbusd.a",
+    )
+
+
+def compile_cpp(folder: Path, source: Path, program: Path) -> None:
+    """As `compile_c`, in C++17."""
+    includes = [f"-I{CLIENT / 'include'}", f"-I{ROOT / 'clients/cpp/include'}", f"-I{folder / 'types'}"]
+    run("g++", "-std=c++17", "-Wpedantic", *FLAGS, *includes, "-o", program, source, folder / "libbusd.a")
+
+
+def run(*command: str | Path) -> str:
+    """The output of a command, which must succeed."""
+    done = subprocess.run([*map(str, command)], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, f"{done.stdout}{done.stderr}"
+    return done.stdout
+
+
+class Peer:
+    """tests/c_client/peer.c, running."""
+
+    def __init__(self, program: Program) -> None:
+        self.program = program
+        self.line = program.line
+
+    @property
+    def numbers(self) -> list[int]:
+        return [int(line.split()[0]) for line in self.program.lines if line[:1].isdigit()]
+
+    def events(self) -> list[str]:
+        return [line for line in self.program.lines if line.startswith("event ")]
+
+    async def finish(self) -> dict[str, int]:
+        """End it; returns its statistics. It must have no memory error and no leak."""
+        self.program.process.send_signal(signal.SIGTERM)
+        assert await self.program.end() == 0, self.program.lines
+        return self.statistics()[-1]
+
+    def statistics(self) -> list[dict[str, int]]:
+        found: list[dict[str, int]] = []
+        for line in self.program.lines:
+            kind, _, text = line.partition(" ")
+            if kind in ("publisher", "subscription") and text.startswith("{"):
+                found.append(json.loads(text))
+        return found
+
+
+@asynccontextmanager
+async def peer(folder: Path, temporary: Path, *words: str, **variables: Any) -> AsyncIterator[Peer]:
+    """A peer that is ready; killed if it still runs after the test."""
+    program_name = "peer_cpp" if words == ("cpp",) else "peer"
+    async with running_command(temporary, folder / program_name, *words, **variables) as program:
+        await program.line("^ready$")
+        yield Peer(program)

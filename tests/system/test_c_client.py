@@ -1,0 +1,277 @@
+"""`clients/c` on a real busd: a peer in C at one end, and the library's node at the other, by both routes."""
+
+import asyncio
+import signal
+from pathlib import Path
+
+import pytest
+
+import bus
+import c_programs
+from bus.msg.std_msgs import String
+from c_programs import peer
+from conftest import Daemon
+from programs import running_command
+from semantics import KEEP_ALL, LATCHED, node
+
+__all__ = ["node"]
+
+MANY = 3000
+LONG = 1 << 20
+
+
+@pytest.fixture(scope="session")
+def programs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return c_programs.build_once(tmp_path_factory)
+
+
+def text(number: int, size: int = 0) -> String:
+    head = f"{number} "
+    return String(data=head + "x" * (size - len(head)))
+
+
+def numbers(messages: list[String]) -> list[int]:
+    return [int(message.data.split()[0]) for message in messages]
+
+
+async def receive(subscription: bus.Subscription[String], count: int) -> list[String]:
+    return [(await subscription.receive())[0] for _ in range(count)]
+
+
+async def account(node: bus.Node, topic: str) -> tuple[int, int]:
+    """Samples expected by the only subscription of a topic, and the sum of their fates, by the graph."""
+    (one,) = (await node.graph(statistics=True)).subscriptions_of(topic)
+    found = one.statistics
+    assert found is not None
+    return found.expected, found.samples + found.queued + sum(found.dropped.values())
+
+
+async def until_account(node: bus.Node, topic: str, expected: int) -> None:
+    """Wait until the reports of both sides have come, and their sums agree."""
+    async with asyncio.timeout(10):
+        while await account(node, topic) != (expected, expected):  # noqa: ASYNC110
+            await asyncio.sleep(0.05)
+
+
+async def test_all_arrives_in_order_from_python(
+    node: bus.Node, programs: Path, tmp_path: Path, route: str
+) -> None:
+    async with peer(programs, tmp_path, "listen", "/t", "keep_all") as listener:
+        publisher = await node.create_publisher(String, "/t", KEEP_ALL)
+        await publisher.wait_for_subscriptions()
+        for number in range(MANY):
+            await publisher.send(text(number))
+        await listener.line(f"^{MANY - 1} ")
+        await until_account(node, "/t", MANY)
+        statistics = await listener.finish()
+    assert listener.numbers == [*range(MANY)]
+    assert {line.split()[2] for line in listener.program.lines if line[:1].isdigit()} == {route}
+    assert statistics["samples"] == statistics["expected"] == MANY
+
+
+async def test_all_arrives_in_order_from_c(
+    node: bus.Node, programs: Path, tmp_path: Path, route: str
+) -> None:
+    subscription = await node.create_subscription(String, "/t", KEEP_ALL)
+    async with peer(programs, tmp_path, "talk", "/t", str(MANY), "keep_all", "wait=1", "size=900") as talker:
+        got = await receive(subscription, MANY)
+        await talker.line("published")
+        statistics = await talker.finish()
+    assert numbers(got) == [*range(MANY)]
+    assert statistics["samples"] == MANY
+    assert statistics["by_ring"] == (route == "shm")
+
+
+async def test_a_slow_listener_loses_by_its_depth_and_the_account_closes(
+    node: bus.Node, programs: Path, tmp_path: Path, route: str
+) -> None:
+    async with peer(programs, tmp_path, "listen", "/t", "depth=5", "pause_ms=2") as listener:
+        publisher = await node.create_publisher(String, "/t", 5)
+        await publisher.wait_for_subscriptions()
+        for number in range(MANY):
+            publisher.publish(text(number))
+            if number % 100 == 0:
+                await asyncio.sleep(0.001)
+        await listener.line(f"^{MANY - 1} ")
+        await until_account(node, "/t", MANY)
+        statistics = await listener.finish()
+    assert listener.numbers == sorted(set(listener.numbers))
+    assert len(listener.numbers) < MANY
+    assert statistics["expected"] == statistics["samples"] + statistics["replaced"] + statistics["lost"]
+    assert statistics["samples"] == len(listener.numbers)
+
+
+async def test_a_flood_from_c_and_the_account_closes(
+    node: bus.Node, programs: Path, tmp_path: Path, route: str
+) -> None:
+    subscription = await node.create_subscription(String, "/t", 5)
+    async with peer(programs, tmp_path, "talk", "/t", str(MANY), "depth=5", "wait=1") as talker:
+        await talker.line("published")
+        last = -1
+        while last != MANY - 1:
+            (last,) = numbers(await receive(subscription, 1))
+        await until_account(node, "/t", MANY)
+        assert (await talker.finish())["samples"] == MANY
+
+
+async def test_late_joiners_get_the_history(
+    node: bus.Node, programs: Path, tmp_path: Path, route: str
+) -> None:
+    async with peer(programs, tmp_path, "talk", "/from_c", "9", "latched", "depth=3") as talker:
+        await talker.line("published")
+        subscription = await node.create_subscription(String, "/from_c", LATCHED)
+        assert numbers(await receive(subscription, 3)) == [6, 7, 8]
+    publisher = await node.create_publisher(String, "/to_c", LATCHED)
+    for number in range(9):
+        publisher.publish(text(number))
+    async with peer(programs, tmp_path, "listen", "/to_c", "latched", "depth=4") as listener:
+        await listener.line("^8 ")
+        publisher.publish(text(9))
+        await listener.line("^9 ")
+        await listener.finish()
+    assert listener.numbers == [5, 6, 7, 8, 9]
+
+
+async def test_long_messages_both_ways(node: bus.Node, programs: Path, tmp_path: Path, route: str) -> None:
+    """Each is longer than the one before, so rings grow."""
+    sizes = [10, 5_000, 20_000, 100_000, LONG, 3 * LONG]
+    async with peer(programs, tmp_path, "listen", "/t", "depth=100") as listener:
+        publisher = await node.create_publisher(String, "/t", 100)
+        await publisher.wait_for_subscriptions()
+        for number, size in enumerate(sizes):
+            publisher.publish(text(number, size))
+        await listener.line(f"^{len(sizes) - 1} ")
+        await listener.finish()
+    lines = [line for line in listener.program.lines if line[:1].isdigit()]
+    assert lines == [f"{number} {size} {route}" for number, size in enumerate(sizes)]
+    subscription = await node.create_subscription(String, "/back", KEEP_ALL)
+    async with peer(
+        programs, tmp_path, "talk", "/back", "20", "keep_all", "wait=1", f"size={LONG}"
+    ) as talker:
+        got = await receive(subscription, 20)
+        await talker.finish()
+    assert [message.data for message in got] == [text(number, LONG).data for number in range(20)]
+
+
+async def test_held_messages_stay_as_they_are(
+    node: bus.Node, programs: Path, tmp_path: Path, route: str
+) -> None:
+    """More of them than a match has pins, while the publisher goes around its ring many times."""
+    async with peer(programs, tmp_path, "listen", "/t", "keep_all", "hold=9") as listener:
+        publisher = await node.create_publisher(String, "/t", KEEP_ALL)
+        await publisher.wait_for_subscriptions()
+        for number in range(200):
+            await publisher.send(text(number, 100_000))
+        await listener.line("^190 ")
+        await listener.finish()
+    assert listener.numbers == [*range(200)]
+    assert not [line for line in listener.program.lines if "broken" in line]
+
+
+@pytest.mark.parametrize("role", ["listen", "talk"])
+async def test_a_killed_peer_leaves_the_graph_and_blocks_nothing(
+    node: bus.Node, programs: Path, tmp_path: Path, route: str, role: str
+) -> None:
+    publisher = await node.create_publisher(String, "/t", KEEP_ALL)
+    subscription = await node.create_subscription(String, "/back", KEEP_ALL)
+    words = (
+        ("listen", "/t", "keep_all")
+        if role == "listen"
+        else ("talk", "/back", "1000000", "keep_all", "wait=1")
+    )
+    async with peer(programs, tmp_path, *words) as killed:
+        if role == "listen":
+            await publisher.wait_for_subscriptions()
+            for number in range(100):
+                await publisher.send(text(number))
+            killed.program.process.send_signal(signal.SIGSTOP)
+            while publisher.publish(text(0, 10_000)):
+                pass
+        else:
+            await receive(subscription, 10)
+        killed.program.process.send_signal(signal.SIGKILL)
+        await killed.program.end()
+    async with asyncio.timeout(20):
+        for number in range(MANY):
+            await publisher.send(text(number, 1000))
+        while len((await node.graph()).nodes) > 1:  # noqa: ASYNC110
+            await asyncio.sleep(0.01)
+
+
+async def test_another_busd_both_ways(
+    daemon: Daemon, node: bus.Node, programs: Path, tmp_path: Path, route: str
+) -> None:
+    """A relay in C between two ends in Python. Nothing is lost, and nothing comes twice."""
+    subscription = await node.create_subscription(String, "/back", KEEP_ALL)
+    async with peer(programs, tmp_path, "relay", "/t", "/back", "keep_all") as relay:
+        publisher = await node.create_publisher(String, "/t", KEEP_ALL)
+        await publisher.wait_for_subscriptions()
+        await subscription.wait_for_publishers()
+        got: list[int] = []
+        for start in (0, 100, 200):
+            for number in range(start, start + 100):
+                await publisher.send(text(number))
+            if start == 100:
+                daemon.kill()
+                daemon.restart()
+        async with asyncio.timeout(30):
+            while not got or got[-1] != 299:
+                got += numbers(await receive(subscription, 1))
+        await relay.line("event 0: connected")
+        await relay.finish()
+    assert got == sorted(set(got))
+    assert got == [*range(300)]
+
+
+async def test_an_orderly_restart_loses_nothing(
+    daemon: Daemon, node: bus.Node, programs: Path, tmp_path: Path, route: str
+) -> None:
+    subscription = await node.create_subscription(String, "/t", 1000)
+    async with peer(programs, tmp_path, "talk", "/t", "100", "depth=100", "wait=1", "pause_ms=5") as talker:
+        got = numbers(await receive(subscription, 20))
+        daemon.stop()
+        daemon.restart()
+        got += numbers(await receive(subscription, 80))
+        await talker.finish()
+    assert got == [*range(100)]
+
+
+async def test_publishing_without_a_busd(
+    daemon: Daemon, node: bus.Node, programs: Path, tmp_path: Path, route: str
+) -> None:
+    """The newest messages wait for the next busd, as many as the depth."""
+    async with peer(programs, tmp_path, "talk", "/t", "200", "depth=10", "pause_ms=5") as talker:
+        daemon.kill()
+        await talker.line("event 1: ")
+        await talker.line("published")
+        daemon.restart()
+        await talker.line("event 0: ")
+        statistics = await talker.finish()
+    assert statistics["samples"] == 200
+    assert (statistics["replaced"] > 0) == (route == "socket")
+    assert statistics["queued"] <= 10
+
+
+async def test_errors_say_why(node: bus.Node, programs: Path, tmp_path: Path) -> None:
+    async def told(*words: str) -> str:
+        async with running_command(tmp_path, programs / "peer", *words) as program:
+            assert await program.end() == 1
+            return "\n".join(program.lines)
+
+    assert "'/a b'" in await told("listen", "/a b")
+    assert "depth" in await told("talk", "/t", "1", "depth=100000000")
+
+
+@pytest.mark.parametrize("settings", ["[limits]\nmessage_bytes = 1_000_000\n"])
+async def test_a_message_above_the_limit_is_refused(daemon: Daemon, programs: Path, tmp_path: Path) -> None:
+    async with peer(programs, tmp_path, "talk", "/t", "1", "size=3000000") as talker:
+        found = await talker.line("^publish: .*")
+    assert "a message of 3000006 bytes; the limit is 1000000" in found[0]
+
+
+async def test_incompatible_qos_is_an_event(node: bus.Node, programs: Path, tmp_path: Path) -> None:
+    await node.create_subscription(String, "/t", 10)
+    async with peer(programs, tmp_path, "talk", "/t", "1", "best_effort") as talker:
+        found = await talker.line("event 5: .*")
+        await talker.finish()
+    assert "/t does not match node /tester: RELIABILITY: " in found[0]

@@ -1,0 +1,114 @@
+"""docs/c.md: its steps, and its programs; the C client's conformance; the header for C++."""
+
+import re
+import signal
+import sys
+from pathlib import Path
+
+import pytest
+
+import bus
+import c_programs
+from bus.msg.std_msgs import String
+from bus_cli.doctor.conformance.program import outcome
+from bus_cli.doctor.conformance.stories import STORIES
+from conftest import SOON_S
+from programs import on_one_loop, running_command
+from semantics import KEEP_ALL, node
+
+__all__ = ["node"]
+
+PAGE = (c_programs.ROOT / "docs" / "c.md").read_text()
+C_PROGRAM, C_FUNCTION = re.findall(r"```c\n(.*?)```", PAGE, re.DOTALL)
+(CPP_PROGRAM,) = re.findall(r"```cpp\n(.*?)```", PAGE, re.DOTALL)
+
+
+@pytest.fixture(scope="session")
+def programs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return c_programs.build_once(tmp_path_factory)
+
+
+@on_one_loop
+async def test_it_passes_every_story(programs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("BUSD_AUTOSTART", "0")
+    relay = [str(programs / "peer"), "relay", "/conformance/in", "/conformance/out"]
+    outcomes = {story: (await outcome(story, relay, SOON_S))[:2] for story in STORIES}
+    assert {mark for mark, _ in outcomes.values()} == {"ok"}, outcomes
+    assert outcomes["real"][1] == "3 samples returned by shm and shm; the same after a kill of busd"
+
+
+async def test_the_page_in_its_steps(node: bus.Node, programs: Path, tmp_path: Path) -> None:
+    """Installed as the page says, then the program of the page."""
+    assert "make -C clients/c install PREFIX=" in PAGE
+    prefix, types = tmp_path / "busd-c", tmp_path / "types"
+    made = (
+        f"BUILD={tmp_path / 'build'}",
+        f"BUS={sys.executable} -m bus_cli",
+        f"PREFIX={prefix}",
+        "CFLAGS=-O0",
+    )
+    c_programs.run("make", "-s", "-C", c_programs.CLIENT, "-j2", *made, "install")
+    assert "bus interface c --output types std_msgs/msg/String" in PAGE
+    written = c_programs.run(
+        sys.executable, "-m", "bus_cli", "interface", "c", "--output", types, "std_msgs/msg/String"
+    )
+    assert written == f"{types}/std_msgs/msg/String.h\n"
+    source, program = tmp_path / "hello.c", tmp_path / "hello"
+    source.write_text(C_PROGRAM)
+    flags = re.findall(
+        r"^(?:Cflags|Libs): (.*)", (prefix / "lib/pkgconfig/busd.pc").read_text(), re.MULTILINE
+    )
+    assert flags == ["-L${libdir} -lbusd", "-I${includedir}"]
+    c_programs.run(
+        "gcc",
+        "-Wall",
+        "-Wextra",
+        "-Werror",
+        f"-I{types}",
+        f"-I{prefix}/include",
+        source,
+        f"-L{prefix}/lib",
+        "-lbusd",
+        "-o",
+        program,
+    )
+    subscription = await node.create_subscription(String, "/out", 10)
+    publisher = await node.create_publisher(String, "/in", 10)
+    async with running_command(tmp_path, program, LD_LIBRARY_PATH=f"{prefix}/lib") as hello:
+        assert (await subscription.receive())[0].data == "hello from C"
+        await publisher.wait_for_subscriptions()
+        publisher.publish(String(data="hello from the shell"))
+        assert await hello.end() == 0
+    assert hello.lines == ["I heard: hello from the shell"]
+
+
+def test_the_functions_of_the_page_compile(programs: Path, tmp_path: Path) -> None:
+    source = tmp_path / "image.c"
+    source.write_text(f'#include "sensor_msgs/msg/Image.h"\n{C_FUNCTION}')
+    c_programs.compile_c(programs, source, tmp_path / "image.o", "-c", "-Wno-unused-function")
+
+
+@pytest.mark.skipif(bool(c_programs.why_no_cpp()), reason=c_programs.why_no_cpp())
+def test_the_program_in_cpp_compiles(programs: Path, tmp_path: Path) -> None:
+    source = tmp_path / "hello.cpp"
+    source.write_text(CPP_PROGRAM)
+    c_programs.compile_cpp(programs, source, tmp_path / "hello")
+
+
+@pytest.mark.skipif(bool(c_programs.why_no_cpp()), reason=c_programs.why_no_cpp())
+async def test_the_header_for_cpp(node: bus.Node, programs: Path, tmp_path: Path, route: str) -> None:
+    from bus.msg.geometry_msgs import PoseArray
+
+    subscription = await node.create_subscription(PoseArray, "/cpp/out", KEEP_ALL)
+    publisher = await node.create_publisher(String, "/cpp/in", KEEP_ALL)
+    async with c_programs.peer(programs, tmp_path, "cpp") as cpp:
+        await cpp.line("refused 22: Invalid topic name")
+        await publisher.wait_for_subscriptions()
+        for frame in ("map", "base"):
+            await publisher.send(String(data=frame))
+            got = (await subscription.receive())[0]
+            assert (got.header.frame_id, len(got.poses), got.poses[2].position.x) == (frame, 3, 2.0)
+            await cpp.line(f"^{frame} 3 poses, x 2, w 1$")
+        cpp.program.process.send_signal(signal.SIGTERM)
+        assert await cpp.program.end() == 0
+    assert cpp.program.lines[-1] == "taken 2, published 2"
