@@ -31,7 +31,11 @@ static int take_hello(struct message *m)
         return fail(bus, EPROTO, "busd sent Hello a second time");
     if (version != 1)
         return fail(bus, EPROTO, "busd speaks protocol version %llu, this library speaks 1", (unsigned long long)version);
+    const uint64_t pid = busd_find_number(m->body, "pid", 0), began_ns = busd_find_number(m->body, "began_ns", 0);
     bus->is_open = true;
+    bus->is_new_busd = pid != bus->busd_pid || began_ns != bus->busd_began_ns;
+    bus->busd_pid = pid;
+    bus->busd_began_ns = began_ns;
     const double lease_s = busd_find_real(m->body, "lease_s", 10);
     bus->lease_ns = lease_s > 0 && lease_s < 1e9 ? (int64_t)(lease_s * 1e9) : GIVE_UP_NS;
     set_timer(bus, HELLO, 0);

@@ -39,8 +39,8 @@ int await(busd_bus *bus, uint64_t request)
         if (count <= 0)
             continue;
         flush(bus);
-        if (bus->sock >= 0 && take_in(bus) < 0)
-            return -ENOTCONN;
+        if (bus->sock >= 0)
+            take_in(bus);
     }
     return bus->answer;
 }
@@ -90,8 +90,11 @@ void answer_take(busd_bus *bus, busd_in body, bool is_created)
 {
     const uint64_t request = busd_find_number(body, "request", 0);
     const bool is_refused = busd_find_is(body, "m", "refused");
-    bus->answer = is_refused ? refusal(bus, body) : 0;
-    bus->answered = request;
+    const int answer = is_refused ? refusal(bus, body) : 0;
+    if (request == bus->awaited && bus->answered != request) {
+        bus->answer = answer;
+        bus->answered = request;
+    }
     for (busd_node *node = bus->nodes; node != NULL; node = node->next) {
         if (node->state != ASKED || node->request != request)
             continue;

@@ -185,7 +185,7 @@ struct source {
     uint64_t taken_seq, acked_seq; /* by socket */
     uint64_t unacked_bytes;
     uint64_t history_end;          /* samples before this are history, which the depth leaves alone */
-    bool is_by_ring, is_lossless, is_new, is_stale, is_gone;
+    bool is_by_ring, is_lossless, is_stale, is_gone;
     /* by ring, while it has a seat */
     struct feed feed;
     struct seat *seat;
@@ -237,6 +237,8 @@ struct busd_bus {
     bool is_open;    /* busd's Hello has come */
     bool is_leaving; /* busd ends: only the frame that is being sent */
     bool is_again;   /* its Fault said so */
+    bool is_new_busd; /* not the one of the connection before */
+    uint64_t busd_pid, busd_began_ns;
     bool was_connected, watches_output;
     bool is_blocked; /* the socket takes no more at the moment */
     int turns;       /* inside of calls that may call back */
@@ -257,7 +259,6 @@ struct busd_bus {
     busd_node *nodes;
     busd_publisher *publishers;
     busd_subscription *subscriptions;
-    busd_subscription *subscription_turn; /* the first to deliver in the next turn */
     int64_t memory_until_ns;
     uint64_t memory_left;   /* until then, segments may take this without a check */
     void (*event)(void *user, const busd_event *event);

@@ -250,7 +250,8 @@ static void by_socket(busd_subscription *sub, struct source *source, busd_in bod
         source_leave(sub, source);
     }
     const bool has_history = sub->end.qos.durability == BUSD_TRANSIENT_LOCAL && busd_find_is(qos, "durability", "transient_local");
-    if (is_new || has_history || source->is_lossless || next_seq <= source->last_seq + 1)
+    const bool comes_again = has_history || (source->is_lossless && sub->end.node->bus->is_new_busd);
+    if (is_new || comes_again || next_seq <= source->last_seq + 1)
         return;
     const uint64_t missed = next_seq - 1 - source->last_seq;
     sub->dropped[DISCONNECTED] += missed;

@@ -1,0 +1,229 @@
+"""A hostile busd for the C client: it answers honestly until everything is declared, then sends nonsense.
+
+It uses blocking sockets, so it runs in a thread. All choices come from one seed.
+"""
+
+import fcntl
+import mmap
+import os
+import random
+import socket
+import struct
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+CONTROL, DATA = 1, 2
+SEALS = 1 | 2 | 4 | 16
+TAGS = """
+    matched matched matched attached attached ring* ring* unmatched rerouted credit silence dropped
+    incompatible liveliness lost namesake created refused done pong graph type= peers new
+""".split()  # noqa: SIM905
+FIELDS = """
+    endpoint other publisher subscription source slot process pid request id seq at_ns next_seq
+    last_seq clock_ns lost is_over is_tap depth max_message_bytes window_samples window_bytes
+    ring_bytes text node policy program dropped lifespan
+""".split()  # noqa: SIM905
+POLICIES = {"history": "keep_all", "durability": "transient_local", "reliability": "best_effort"}
+RING_HEADER, CAPACITY, INDEX = 640, 4096, 64
+RING_BYTES = RING_HEADER + 8 * INDEX + CAPACITY
+READERS_BYTES = 256 + 64 * 16
+
+
+class HostileBusd:
+    def __init__(self, path: Path, seed: int) -> None:
+        self._source = random.Random(seed)
+        self._listening = socket.socket(socket.AF_UNIX)
+        self._listening.bind(str(path))
+        self._listening.listen()
+        self._memories: list[mmap.mmap] = []
+        self.faults = 0
+
+    def close(self) -> None:
+        self._listening.close()
+        for memory in self._memories:
+            memory.close()
+
+    def serve(self, connections: int, frames: int) -> None:
+        """Serve so many connections, one after the other, with at most so many frames of nonsense each."""
+        for _ in range(connections):
+            connection, _ = self._listening.accept()
+            with connection:
+                connection.settimeout(10)
+                try:
+                    ids = self._declare(connection)
+                    for _ in range(frames):
+                        self._send_nonsense(connection, ids)
+                    self._read_rest(connection)
+                except ConnectionError:
+                    self.faults += 1  # the client has noticed, and left
+
+    # --- the honest part
+
+    def _declare(self, connection: socket.socket) -> list[int]:
+        self._frame(connection, {"m": "hello", "version": 1, "lease_s": 10.0})
+        ids: list[int] = []
+        buffer = b""
+        while len(ids) < 3:
+            raw = connection.recv(65536)
+            if not raw:
+                raise ConnectionError
+            buffer += raw
+            while len(buffer) >= 4 and len(buffer) >= 4 + (length := struct.unpack_from("<I", buffer)[0]):
+                kind, body = buffer[4], buffer[8 : 4 + length]
+                buffer = buffer[4 + length :]
+                message = msgspec.msgpack.decode(body) if kind == CONTROL else {}
+                if message.get("m") in ("node+", "pub+", "sub+"):
+                    ids.append(len(ids) + 1)
+                    answer = {"m": "created", "request": message["request"], "id": ids[-1], "depth": 0}
+                    limits = {"max_message_bytes": 1 << 20, "window_samples": 100, "window_bytes": 1 << 20}
+                    self._frame(connection, answer | limits | {"ring_bytes": 1 << 20})
+        return ids
+
+    def _read_rest(self, connection: socket.socket) -> None:
+        connection.setblocking(False)
+        try:
+            while connection.recv(1 << 20):
+                pass
+        except BlockingIOError:
+            pass
+
+    def _frame(
+        self, connection: socket.socket, message: dict[str, Any], fds: list[int] | None = None
+    ) -> None:
+        body = msgspec.msgpack.encode(message)
+        self._send(connection, struct.pack("<IBBH", 4 + len(body), CONTROL, 0, 0) + body, fds)
+
+    def _send(self, connection: socket.socket, raw: bytes, fds: list[int] | None = None) -> None:
+        sent = socket.send_fds(connection, [raw], fds or [])
+        connection.sendall(raw[sent:])
+
+    # --- nonsense
+
+    def _send_nonsense(self, connection: socket.socket, ids: list[int]) -> None:
+        choice = self._source.random()
+        if choice < 0.7:
+            self._send_message(connection, ids)
+        elif choice < 0.93:
+            self._send_run(connection, ids)
+        elif choice < 0.96:
+            kind = self._source.choice([0, 1, 2, 3])
+            length = self._source.choice([0, 3, 4, 27, 28, 40, 1 << 31])
+            self._send(connection, struct.pack("<IBBH", length, kind, 0, 0) + self._source.randbytes(50))
+        else:
+            for memory in self._memories[-4:]:
+                self._scribble(memory)
+
+    def _send_message(self, connection: socket.socket, ids: list[int]) -> None:
+        source = self._source
+        tag = source.choice(TAGS)
+        qos: dict[str, Any] = {"depth": self._number(ids)}
+        for key, value in POLICIES.items():
+            if source.random() < 0.4:
+                qos[key] = value
+        message: dict[str, Any] = {"m": tag, "gid": bytes([source.randrange(3)] * 16), "qos": qos}
+        message["route"] = source.choice(["shm", "shm", "socket", "bridge", "road"])
+        for field in FIELDS:
+            if source.random() < 0.8:
+                message[field] = self._value(ids)
+        for field in ("endpoint", "publisher", "subscription", "other", "source"):
+            message[field] = source.choice([*ids, 7, 8])
+        fds = self._descriptors(tag)
+        if fds or source.random() < 0.2:
+            message["descriptors"] = len(fds) if source.random() < 0.9 else source.randrange(4)
+        body = msgspec.msgpack.encode(message)
+        if source.random() < 0.05:
+            body = self._changed(body)
+        try:
+            self._send(connection, struct.pack("<IBBH", 4 + len(body), CONTROL, 0, 0) + body, fds)
+        finally:
+            for fd in fds:
+                os.close(fd)
+
+    def _value(self, ids: list[int]) -> Any:
+        source = self._source
+        others = [
+            None,
+            True,
+            -1,
+            1.5,
+            float("nan"),
+            "x" * 500,
+            b"ab",
+            [1, [2]],
+            {"replaced": 3, "new": 4},
+            {1: 2},
+        ]
+        return self._number(ids) if source.random() < 0.7 else source.choice(others)
+
+    def _number(self, ids: list[int]) -> int:
+        return self._source.choice([*ids, 0, 1, 5, 1000, 1 << 20, 2**31, 2**32, 2**62 - 1, 2**62, 2**64 - 1])
+
+    def _changed(self, body: bytes) -> bytes:
+        changed = bytearray(body)
+        for _ in range(self._source.randrange(1, 4)):
+            changed[self._source.randrange(len(changed))] = self._source.randrange(256)
+        return bytes(changed[: self._source.randrange(1, len(changed) + 1)])
+
+    def _send_run(self, connection: socket.socket, ids: list[int]) -> None:
+        source = self._source
+        count = source.choice([0, 1, 1, 2, 5])
+        records = b""
+        for _ in range(count):
+            payload = source.randbytes(source.randrange(40))
+            stamp = source.choice([0, 10**9, -1, 2**63 - 1])
+            records += struct.pack("<Iq", len(payload), stamp) + payload
+        claimed = count if source.random() < 0.97 else source.choice([count + 1, 2**32 - 1])
+        endpoint, other = source.choice([*ids, 9]), source.choice([*ids, 7, 8])
+        seq = source.choice([0, 1, 2, 50, 1 << 40, 2**62 - 1, 2**64 - 1])
+        head = struct.pack("<IIQII", endpoint, other, seq, claimed, 0)
+        frame = struct.pack("<IBBH", 4 + len(head) + len(records), DATA, source.randrange(4), 0)
+        self._send(connection, frame + head + records)
+
+    # --- memories
+
+    def _descriptors(self, tag: str) -> list[int]:
+        source = self._source
+        if source.random() < 0.2:
+            return [os.eventfd(0) for _ in range(source.randrange(3))]
+        if tag == "matched":
+            return [self._ring(), os.eventfd(0, os.EFD_NONBLOCK)]
+        if tag == "ring*":
+            return [self._ring()]
+        return [self._readers(), os.eventfd(0, os.EFD_NONBLOCK)] if tag == "attached" else []
+
+    def _ring(self) -> int:
+        first = self._source.choice([0, 1, 1, 100, 2**62 + 5])
+        geometry = struct.pack(
+            "<QIIQQQQQQ", 0x676E697264737562, 1, RING_HEADER, RING_BYTES, CAPACITY, INDEX, RING_HEADER,
+            RING_HEADER + 8 * INDEX, first,
+        )  # fmt: skip
+        return self._memory(RING_BYTES, geometry)
+
+    def _readers(self) -> int:
+        return self._memory(
+            READERS_BYTES, struct.pack("<QIIQQ", 0x6461657264737562, 1, 256, READERS_BYTES, 16)
+        )
+
+    def _memory(self, size: int, head: bytes) -> int:
+        fd = os.memfd_create("hostile", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
+        os.posix_fallocate(fd, 0, size)
+        memory = mmap.mmap(fd, size)
+        memory[: len(head)] = head
+        for _ in range(self._source.randrange(4)):
+            self._scribble(memory)
+        if self._source.random() < 0.05:
+            memory[: len(head)] = self._changed(head).ljust(len(head), b"\0")
+        fcntl.fcntl(fd, 1033, SEALS if self._source.random() < 0.95 else 0)
+        self._memories.append(memory)
+        return fd
+
+    def _scribble(self, memory: mmap.mmap) -> None:
+        """Change some words, behind the geometry: counters, index and heads of records."""
+        words = [128, 256, 384, 392, 512, 520, 640, 648, 656, *range(1152, 1152 + 64 * 4, 8), 1152 + 64 * 20]
+        for _ in range(self._source.randrange(1, 8)):
+            at = self._source.choice(words)
+            if at + 8 <= len(memory):
+                small = self._source.choice([0, 1, 2, 3, 64, 128, 4096, 2**32 + 40, 2**40, 2**62, 2**64 - 1])
+                memory[at : at + 8] = struct.pack("<Q", small)
