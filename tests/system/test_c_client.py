@@ -8,7 +8,9 @@ import pytest
 
 import bus
 import c_programs
+from bus import shm
 from bus.msg.std_msgs import String
+from bus.shm import segments
 from c_programs import peer
 from conftest import Daemon
 from programs import running_command
@@ -275,3 +277,62 @@ async def test_incompatible_qos_is_an_event(node: bus.Node, programs: Path, tmp_
         found = await talker.line("event 5: .*")
         await talker.finish()
     assert "/t does not match node /tester: RELIABILITY: " in found[0]
+
+
+def refuse(*_: object) -> None:
+    raise OSError("refused by the test")
+
+
+@pytest.mark.skipif(not shm.is_available(), reason=shm.why_not())
+async def test_a_subscription_that_refuses_the_ring_of_a_publisher_in_c(
+    node: bus.Node, programs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The publisher sends again what was in its ring, and continues by socket."""
+    monkeypatch.setattr(segments, "map_ring", refuse)
+    subscription = await node.create_subscription(String, "/t", KEEP_ALL)
+    async with peer(programs, tmp_path, "talk", "/t", "300", "keep_all", "pause_ms=1") as talker:
+        assert numbers(await receive(subscription, 300)) == [*range(300)]
+        await talker.line("event 6: /t: a subscription uses the socket now")
+        statistics = await talker.finish()
+    assert (statistics["matches"], statistics["by_ring"]) == (1, 0)
+
+
+@pytest.mark.skipif(not shm.is_available(), reason=shm.why_not())
+async def test_a_publisher_that_refuses_a_subscription_in_c(
+    node: bus.Node, programs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The subscription takes what is in the ring, leaves it, and continues by socket."""
+    monkeypatch.setattr(segments, "map_readers", refuse)
+    publisher = await node.create_publisher(String, "/t", KEEP_ALL)
+    async with peer(programs, tmp_path, "listen", "/t", "keep_all") as listener:
+        for number in range(300):
+            await publisher.send(text(number))
+            await asyncio.sleep(0)
+        await listener.line("^299 ")
+        await until_account(node, "/t", 300)
+        statistics = await listener.finish()
+    assert listener.numbers == [*range(300)]
+    assert listener.program.lines[-2].endswith(" socket")
+    assert (statistics["expected"], statistics["by_ring"]) == (300, 0)
+
+
+async def test_the_account_of_a_stopped_subscription_closes(
+    node: bus.Node, programs: Path, tmp_path: Path, route: str
+) -> None:
+    """It reads nothing for a while, so samples are dropped in busd or in the ring."""
+    async with peer(programs, tmp_path, "listen", "/t", "depth=5") as listener:
+        publisher = await node.create_publisher(String, "/t", 5)
+        await publisher.wait_for_subscriptions()
+        publisher.publish(text(0))
+        await listener.line("^0 ")
+        listener.program.process.send_signal(signal.SIGSTOP)
+        for number in range(1, 20):
+            publisher.publish(text(number, 100_000))
+            await asyncio.sleep(0.001)
+        listener.program.process.send_signal(signal.SIGCONT)
+        publisher.publish(text(20))
+        await listener.line("^20 ")
+        await until_account(node, "/t", 21)
+        statistics = await listener.finish()
+    assert statistics["samples"] + statistics["replaced"] + statistics["lost"] == 21
+    assert listener.numbers == sorted(set(listener.numbers))
