@@ -11,8 +11,8 @@ import pytest
 from bridged_world import until
 from bus.schema import MessageSchema
 from bus.types.classes import service_class
-from bus_bridge.dds.service_identity import RequestId
-from bus_bridge.dds.services import NoServer, Services
+from bus_bridge.dds.services import Services
+from bus_bridge.ros2.calls import NoServer, RequestId
 from bus_ros.cdr import codec_of
 from conftest import SOON_S, WAIT_S
 from peers import peer

@@ -3,13 +3,11 @@
     `engine.py` --+-- `discovery.py`  far endpoints --> `graph.py` (their nodes) --> the bridge
                   +-- `carrier.py`, the interface to the carrier of topics, one of two:
        `cyclone.py`      cyclonedds: `participant.py`, `raw.py`, `idl.py`;  routes: `writing.py`, `reading.py`
-                         (`early.py`: before a route);  nodes: `node_info.py`, `node_topic.py`
+                         nodes: `node_info.py`, `node_topic.py`
        `rtps_topics.py`  our RTPS
-                  both: `route_out.py`
-    translations: `names.py`, `qos.py`, `known_types.py`, `samples.py`
+    translations: `names.py`, `qos.py`; types, payloads and routes out: `bus_bridge.ros2`
 
-    services: the bridge's routes <-> `service_ways.py` <-> `service_calls.py` (`service_types.py`,
-        `open_requests.py`) <-> `services.py` (`service_identity.py`, `turns.py`) <-> `bus_bridge.rtps`
+    services: `bus_bridge.ros2` <-> `services.py` (`service_identity.py`, `turns.py`) <-> `bus_bridge.rtps`
     far servers and clients: `discovery.py` (`client_pairs.py`), as other endpoints
 
 Invariants:
@@ -18,7 +16,6 @@ Invariants:
 - Payloads stay CDR here; `bus_ros.cdr` translates them.
 - Nothing blocks: if DDS has no room, the rest of a batch waits with the caller.
 - One reader carries the messages of a far writer. If another takes over, no message is repeated or missing.
-- Each call ends once: with an answer, with an error (only on this bus), or because its client has gone.
 - Endpoints of other busds are ignored. They have a mark in USER_DATA.
 - Only `raw.py` uses private parts of cyclonedds; a test fails if one of them changes.
 

@@ -10,7 +10,6 @@ from typing import Any, Final
 from bus_bridge.batch import Batch
 from bus_bridge.dds.carrier import Discovered, Listener, NodeTopic, TopicReader, TopicWriter
 from bus_bridge.dds.graph import NodeEntities
-from bus_bridge.dds.known_types import KnownType
 from bus_bridge.dds.names import ENCLAVE, topic_to_dds, user_data, user_data_of
 from bus_bridge.dds.node_info import NodeInfo
 from bus_bridge.dds.options import DdsOptions
@@ -19,6 +18,7 @@ from bus_bridge.dds.qos import Policies
 from bus_bridge.dds.reading import FarWay, Intake, Ways
 from bus_bridge.dds.writing import DdsWriter
 from bus_bridge.engine import EndpointKind, FarEndpoint, LocalEndpoint, Reader
+from bus_bridge.ros2.known_types import KnownType
 
 __all__ = ["CycloneCarrier"]
 

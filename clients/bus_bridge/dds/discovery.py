@@ -33,18 +33,19 @@ from bus_bridge.dds.graph import (
     announcer_of,
     participant_of,
 )
-from bus_bridge.dds.known_types import KnownTypes
 from bus_bridge.dds.names import (
     ENCLAVE,
     MARK,
     kind_of,
     service_part_from_dds,
     topic_from_dds,
-    type_from_dds,
 )
-from bus_bridge.dds.service_types import KnownServices
 from bus_bridge.engine import FarEndpoint, FarNode, FarSide
 from bus_bridge.errors import BridgeError
+from bus_bridge.ros2.calls import OF_SERVICES
+from bus_bridge.ros2.known_types import KnownTypes
+from bus_bridge.ros2.service_types import KnownServices
+from bus_bridge.ros2.type_names import type_from_dds
 
 __all__ = ["Discovery"]
 
@@ -240,7 +241,7 @@ class Discovery:
             self._far.warn(f"service {part.service} of ROS 2 is left out: {reason}")
             return []
         schema = types.requests if part.is_request else types.replies
-        profile = qos.OF_SERVICES if found.kind == "publisher" else keeping_all(qos.OF_SERVICES)
+        profile = OF_SERVICES if found.kind == "publisher" else keeping_all(OF_SERVICES)
         one = _found(found, topic, schema, profile)
         is_of_client = part.is_request is (found.kind == "publisher")
         return self._client_pairs.added(one, part.service) if is_of_client else [one]

@@ -17,13 +17,11 @@ from bus_bridge.batch import Batch
 from bus_bridge.dds.carrier import Carrier, TopicReader, TopicWriter
 from bus_bridge.dds.discovery import Discovery
 from bus_bridge.dds.graph import DomainGraph, NodeEntities
+from bus_bridge.dds.idl import idl_type
 from bus_bridge.dds.interfaces import LOOPBACK, address_of, check_interface
-from bus_bridge.dds.known_types import KnownType, KnownTypes
 from bus_bridge.dds.names import ENCLAVE, MARK, user_data
 from bus_bridge.dds.options import DdsOptions
 from bus_bridge.dds.qos import ReaderKind, kinds_for, of_publisher, of_subscription
-from bus_bridge.dds.service_types import KnownServices
-from bus_bridge.dds.service_ways import ServiceWays
 from bus_bridge.dds.services import Services
 from bus_bridge.engine import (
     FarBus,
@@ -37,6 +35,9 @@ from bus_bridge.engine import (
     Writer,
 )
 from bus_bridge.errors import BridgeError, NotCarried
+from bus_bridge.ros2.known_types import KnownType, KnownTypes
+from bus_bridge.ros2.service_types import KnownServices
+from bus_bridge.ros2.service_ways import ServiceWays
 
 __all__ = ["DdsEngine"]
 
@@ -84,7 +85,7 @@ class DdsEngine:
             carrier.close()
             raise
         self._carrier = carrier
-        self.types = KnownTypes(needs_idl=not self.has_numbers)
+        self.types = KnownTypes(None if self.has_numbers else idl_type)
         known = KnownServices()
         self._known_services = known
         self._service_ways = ServiceWays(self._services, known, user_data(self._mark), self._show_end)

@@ -8,8 +8,8 @@ from collections.abc import Callable
 from typing import Any, Final
 
 from bus.types.schema_form import Node
-from bus_bridge.dds.names import type_to_dds
 from bus_bridge.errors import BridgeError
+from bus_bridge.ros2.type_names import type_to_dds
 from bus_ros.cdr import Codec, schema_of_definition
 
 __all__ = ["idl_type"]

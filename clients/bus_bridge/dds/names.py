@@ -7,6 +7,8 @@ import re
 from collections.abc import Mapping
 from typing import Final, Literal, NamedTuple
 
+from bus_bridge.ros2.type_names import type_from_dds, type_to_dds
+
 __all__ = [
     "ENCLAVE",
     "GRAPH_TOPIC",
@@ -21,8 +23,6 @@ __all__ = [
     "service_types_to_dds",
     "topic_from_dds",
     "topic_to_dds",
-    "type_from_dds",
-    "type_to_dds",
     "user_data",
     "user_data_of",
 ]
@@ -38,7 +38,6 @@ GRAPH_TOPIC: Final = "ros_discovery_info"
 GRAPH_TYPE_HASH: Final = "RIHS01_91a0593bacdcc50ea9bdcf849a938b128412cc1ea821245c663bcd26f83c295e"
 
 _SERVICE: Final = re.compile(r"r(?:q|r)(/.+?)(?:Request|Reply)", re.DOTALL)
-_TYPE: Final = re.compile(r"(\w+)::(msg|srv|action)::dds_::(\w+)_", re.ASCII)
 
 
 def kind_of(dds_topic: str) -> TopicKind:
@@ -88,18 +87,6 @@ def service_to_dds(service: str) -> tuple[str, str]:
 def service_types_to_dds(type_name: str) -> tuple[str, str]:
     """Convert `std_srvs/srv/Trigger` to the types of its requests and of its answers."""
     return type_to_dds(f"{type_name}_Request"), type_to_dds(f"{type_name}_Response")
-
-
-def type_to_dds(type_name: str) -> str:
-    """Convert `std_msgs/msg/String` to `std_msgs::msg::dds_::String_`."""
-    package, kind, name = type_name.split("/")
-    return f"{package}::{kind}::dds_::{name}_"
-
-
-def type_from_dds(dds_type: str) -> str | None:
-    """Convert `std_msgs::msg::dds_::String_` to `std_msgs/msg/String`; None if it is not a type of ROS 2."""
-    found = _TYPE.fullmatch(dds_type)
-    return "/".join(found.groups()) if found else None
 
 
 def user_data(values: Mapping[str, str]) -> bytes:

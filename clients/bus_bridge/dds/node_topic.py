@@ -9,11 +9,13 @@ from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any, Final
 
-from bus_bridge.dds import raw, samples
+from bus_bridge.dds import raw
 from bus_bridge.dds.graph import GID_SIZE, NodeEntities, encode
-from bus_bridge.dds.names import GRAPH_TOPIC, GRAPH_TYPE_HASH, type_to_dds, user_data
+from bus_bridge.dds.names import GRAPH_TOPIC, GRAPH_TYPE_HASH, user_data
 from bus_bridge.dds.participant import Endpoint, Participant
 from bus_bridge.dds.qos import Policies
+from bus_bridge.ros2 import samples
+from bus_bridge.ros2.type_names import type_to_dds
 
 __all__ = ["NodeTopic", "NodeWriter", "info_type"]
 

@@ -12,7 +12,6 @@ from bus.qos import Durability, History, Liveliness, QoSProfile, Reliability
 __all__ = [
     "DEPTH",
     "INFINITE",
-    "OF_SERVICES",
     "Policies",
     "ReaderKind",
     "kinds_for",
@@ -27,9 +26,6 @@ INFINITE: Final = 2**63 - 1
 DEPTH: Final = 10
 """The depth of a far endpoint that does not report it. Discovery of Fast DDS leaves it out; then it looks
 like 1."""
-
-OF_SERVICES: Final = QoSProfile(1000)
-"""The profile of a far server or client: the number of its calls that may wait."""
 
 _NS_PER_S: Final = 1_000_000_000
 

@@ -15,11 +15,9 @@ from typing import Final
 
 from bus.vocabulary import DropReason
 from bus_bridge.batch import Batch, Loose, Sample
-from bus_bridge.dds import qos, samples
+from bus_bridge.dds import qos
 from bus_bridge.dds.carrier import Discovered, Listener, NodeTopic, TopicReader, TopicWriter
-from bus_bridge.dds.early import Early
 from bus_bridge.dds.graph import GID_SIZE, HUMBLE_GID_SIZE, NodeEntities, decode, encode
-from bus_bridge.dds.known_types import KnownType
 from bus_bridge.dds.names import (
     ENCLAVE,
     GRAPH_TOPIC,
@@ -27,12 +25,15 @@ from bus_bridge.dds.names import (
     MARK,
     kind_of,
     topic_to_dds,
-    type_to_dds,
     user_data,
     user_data_of,
 )
-from bus_bridge.dds.route_out import RouteOut
 from bus_bridge.engine import FarEndpoint, LocalEndpoint, Reader
+from bus_bridge.ros2 import samples
+from bus_bridge.ros2.early import Early
+from bus_bridge.ros2.known_types import KnownType
+from bus_bridge.ros2.route_out import RouteOut
+from bus_bridge.ros2.type_names import type_to_dds
 from bus_bridge.rtps.announcements import EndpointData, ParticipantData, Policies
 from bus_bridge.rtps.ids import PARTICIPANT, PREFIX_BYTES
 from bus_bridge.rtps.reader import Arrived

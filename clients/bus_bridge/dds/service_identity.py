@@ -15,13 +15,13 @@ The vendor of the far participant decides which form is used: neither understand
 import struct
 from typing import Final, NamedTuple
 
+from bus_bridge.ros2.calls import RequestId
 from bus_bridge.rtps.ids import CYCLONE, GUID_BYTES
 from bus_bridge.rtps.messages import read_number64, write_number64
 from bus_bridge.rtps.parameters import RtpsError, write_parameters
 from bus_bridge.rtps.reader import Arrived
 
 __all__ = [
-    "RequestId",
     "Sample",
     "read_answer",
     "read_request",
@@ -36,22 +36,6 @@ _NO_NUMBER: Final = -(1 << 32)
 _HEAD_BYTES: Final = 4
 _CYCLONE_BYTES: Final = 16
 _CLIENT_BYTES: Final = 8
-
-
-class RequestId(NamedTuple):
-    """The identity of a request of a far client."""
-
-    client: bytes
-    """Fast DDS: the GUID to name in the answer. Cyclone: the header to return."""
-    number: int
-    """Fast DDS: the number of the request. Cyclone: 0."""
-    writer: bytes
-    """The GUID of the request's writer."""
-
-    @property
-    def reader(self) -> bytes:
-        """The GUID of the reader that gets the answer; Cyclone does not name it."""
-        return self.client if self.number else b""
 
 
 class Sample(NamedTuple):

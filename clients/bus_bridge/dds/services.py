@@ -15,7 +15,6 @@ from weakref import WeakValueDictionary
 
 from bus_bridge.dds.names import MARK, service_to_dds, service_types_to_dds, user_data_of
 from bus_bridge.dds.service_identity import (
-    RequestId,
     Sample,
     read_answer,
     read_request,
@@ -23,14 +22,17 @@ from bus_bridge.dds.service_identity import (
     write_request,
 )
 from bus_bridge.dds.turns import Turns
+from bus_bridge.engine import LocalNode
 from bus_bridge.errors import BridgeError
+from bus_bridge.ros2.calls import NoServer, RequestId, Response
+from bus_bridge.ros2.service_types import ServiceTypes
 from bus_bridge.rtps.announcements import EndpointData, ParticipantData
 from bus_bridge.rtps.ids import PREFIX_BYTES
 from bus_bridge.rtps.parameters import RtpsError
 from bus_bridge.rtps.reader import Arrived
 from bus_bridge.rtps.running import RunningParticipant
 
-__all__ = ["NoServer", "Response", "ServiceClient", "ServiceServer", "Services"]
+__all__ = ["ServiceClient", "ServiceServer", "Services"]
 
 _REQUESTS, _REPLIES = "rq/", "rr/"
 _OF_RESULTS: Final = "/_action/get_resultRequest"
@@ -42,18 +44,6 @@ _MOST_EARLY: Final = 100
 """Clients with answers that wait for their reader's announcement, and such answers of one client."""
 _POLL_S: Final = 0.01
 _LONGEST_POLL_S: Final = 0.2
-
-
-class NoServer(BridgeError):
-    """A call that gets no answer: its server has gone."""
-
-
-class Response(NamedTuple):
-    """The answer to a call."""
-
-    cdr: bytes
-    writer: bytes
-    """The GUID of the far writer that it came from."""
 
 
 class _Topics(NamedTuple):
@@ -92,6 +82,10 @@ class Services:
         self.participant = RunningParticipant(
             domain, self, _is_of_service, host=host, peers=peers, user_data=user_data
         )
+
+    def for_end(self, node: LocalNode, types: ServiceTypes) -> "Services":
+        """As `bus_bridge.ros2.calls.Services`: nodes don't matter here."""
+        return self
 
     def serve(
         self,

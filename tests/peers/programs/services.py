@@ -8,8 +8,8 @@ from typing import Any
 
 from orders import serve
 
-from bus_bridge.dds.service_identity import RequestId
 from bus_bridge.dds.services import ServiceClient, Services
+from bus_bridge.ros2.calls import RequestId
 
 
 class Peer:

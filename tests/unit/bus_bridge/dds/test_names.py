@@ -1,4 +1,5 @@
 from bus_bridge.dds import names
+from bus_bridge.ros2 import type_names
 from rows import for_each
 
 
@@ -20,27 +21,6 @@ def test_topics(dds: str, kind: str, topic: str | None) -> None:
     assert names.topic_from_dds(dds) == topic
     if topic is not None:
         assert names.topic_to_dds(topic) == dds
-
-
-@for_each(
-    "dds, ros",
-    [
-        ("std_msgs::msg::dds_::String_", "std_msgs/msg/String"),
-        ("pkg2::srv::dds_::S_Request_", "pkg2/srv/S_Request"),
-        ("a::action::dds_::F_FeedbackMessage_", "a/action/F_FeedbackMessage"),
-    ],
-)
-def test_types_both_ways(dds: str, ros: str) -> None:
-    assert names.type_from_dds(dds) == ros
-    assert names.type_to_dds(ros) == dds
-
-
-@for_each(
-    "dds",
-    ["String", "std_msgs::msg::String", "std_msgs::msg::dds_::String", "a::b::dds_::C_", "ü::msg::dds_::C_"],
-)
-def test_types_that_are_none_of_ros(dds: str) -> None:
-    assert names.type_from_dds(dds) is None
 
 
 @for_each(
@@ -77,5 +57,5 @@ def test_services(service: str, type_name: str) -> None:
         assert names.service_part_from_dds(topic, type_) == (service, type_name, is_request)
         for other in (responses if is_request else requests, "p::msg::dds_::Plain_", "unsaid"):
             assert names.service_part_from_dds(topic, other) is None
-    assert names.type_from_dds(requests) == f"{type_name}_Request"
-    assert names.type_from_dds(responses) == f"{type_name}_Response"
+    assert type_names.type_from_dds(requests) == f"{type_name}_Request"
+    assert type_names.type_from_dds(responses) == f"{type_name}_Response"

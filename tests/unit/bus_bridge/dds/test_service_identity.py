@@ -3,12 +3,12 @@
 import pytest
 
 from bus_bridge.dds.service_identity import (
-    RequestId,
     read_answer,
     read_request,
     write_answer,
     write_request,
 )
+from bus_bridge.ros2.calls import RequestId
 from bus_bridge.rtps.ids import CYCLONE, FAST_DDS, reader_id, writer_id
 from bus_bridge.rtps.parameters import RtpsError, read_parameters
 from bus_bridge.rtps.reader import Arrived

@@ -7,9 +7,9 @@ import pytest
 
 from bridged_world import until
 from bus_bridge.dds import turns
-from bus_bridge.dds.service_identity import RequestId
-from bus_bridge.dds.services import NoServer, Response, ServiceClient, Services, ServiceServer
+from bus_bridge.dds.services import ServiceClient, Services, ServiceServer
 from bus_bridge.errors import BridgeError
+from bus_bridge.ros2.calls import NoServer, RequestId, Response
 from bus_bridge.rtps.reader import Reader
 from bus_bridge.rtps.writer import Writer
 from conftest import WAIT_S

@@ -1,9 +1,9 @@
-"""bus_bridge.dds.early: samples kept until a reader carries them."""
+"""bus_bridge.ros2.early: samples kept until a reader carries them."""
 
 import pytest
 
-from bus_bridge.dds import early as early_module
-from bus_bridge.dds.early import Arrived, Early
+from bus_bridge.ros2 import early as early_module
+from bus_bridge.ros2.early import Arrived, Early
 
 OF_ONE, OF_OTHER = 1, 2
 

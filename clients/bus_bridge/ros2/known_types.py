@@ -4,12 +4,12 @@ Owns: the type for each name of ROS 2. A far type is known if its definition can
 this bus has it.
 """
 
+from collections.abc import Callable
 from functools import cached_property
 from typing import Any
 
 from bus.errors import ConfigurationError
 from bus.schema import MessageSchema, depth_for
-from bus_bridge.dds.idl import idl_type
 from bus_bridge.errors import BridgeError
 from bus_ros.cdr import Codec, codec_of
 
@@ -19,7 +19,8 @@ __all__ = ["KnownType", "KnownTypes"]
 class KnownType:
     """One type in its three forms."""
 
-    def __init__(self, schema: MessageSchema) -> None:
+    def __init__(self, schema: MessageSchema, make_idl: Callable[[Codec], Any] | None = None) -> None:
+        self._make_idl = make_idl
         self.schema = schema
         self.codec: Codec = codec_of(schema)
         self.depth = depth_for(schema)
@@ -28,14 +29,15 @@ class KnownType:
     @cached_property
     def idl(self) -> Any:
         """The class for cyclonedds. Raises BridgeError if it can't describe the type."""
-        return idl_type(self.codec)
+        assert self._make_idl is not None
+        return self._make_idl(self.codec)
 
 
 class KnownTypes:
-    """All types known so far. `needs_idl`: whether cyclonedds must be able to describe them."""
+    """All types known so far. `make_idl` describes them for cyclonedds, if that must be able to."""
 
-    def __init__(self, *, needs_idl: bool = True) -> None:
-        self._needs_idl = needs_idl
+    def __init__(self, make_idl: Callable[[Codec], Any] | None = None) -> None:
+        self._make_idl = make_idl
         self._by_schema: dict[tuple[str, str], KnownType] = {}
         self._by_ros_name: dict[str, KnownType] = {}
 
@@ -44,8 +46,8 @@ class KnownTypes:
         key = schema.type_name, schema.type_hash
         if (known := self._by_schema.get(key)) is None:
             try:
-                known = KnownType(schema)
-                if self._needs_idl:
+                known = KnownType(schema, self._make_idl)
+                if self._make_idl is not None:
                     known.idl  # noqa: B018 - raises now, before any other step
             except ConfigurationError as error:
                 raise BridgeError(f"{schema.type_name} can't go to ROS 2: {error}") from None

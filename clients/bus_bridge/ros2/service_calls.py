@@ -13,11 +13,10 @@ import asyncio
 from collections.abc import Callable
 from typing import Final
 
-from bus_bridge.dds.open_requests import OpenRequest, OpenRequests
-from bus_bridge.dds.service_identity import RequestId
-from bus_bridge.dds.service_types import Call, ServiceTypes
-from bus_bridge.dds.services import NoServer, Services
 from bus_bridge.errors import BridgeError
+from bus_bridge.ros2.calls import NoServer, RequestId, Services
+from bus_bridge.ros2.open_requests import OpenRequest, OpenRequests
+from bus_bridge.ros2.service_types import Call, ServiceTypes
 
 __all__ = ["CallsFromRos", "CallsToRos", "Publish"]
 

@@ -8,18 +8,23 @@ import pytest
 from bridged_world import until
 from bus.srv.example_interfaces import AddTwoInts
 from bus.types.service import Reply, service_support
-from bus_bridge.dds import open_requests, service_calls
-from bus_bridge.dds.open_requests import OpenRequests
-from bus_bridge.dds.service_calls import CallsFromRos, CallsToRos
-from bus_bridge.dds.service_identity import RequestId
-from bus_bridge.dds.service_types import ServiceTypes
-from bus_bridge.dds.services import Services
+from bus_bridge.dds.services import Services, ServiceServer
+from bus_bridge.ros2 import open_requests, service_calls
+from bus_bridge.ros2.calls import RequestId
+from bus_bridge.ros2.open_requests import OpenRequests
+from bus_bridge.ros2.service_calls import CallsFromRos, CallsToRos
+from bus_bridge.ros2.service_types import ServiceTypes
 from ports import own_domain
 
 DOMAIN = own_domain()
 ADD = ServiceTypes.find("example_interfaces/srv/AddTwoInts")
 SUPPORT = service_support(AddTwoInts)
 CLIENT = b"c" * 16
+
+
+def server_of(calls: CallsFromRos) -> ServiceServer:
+    assert isinstance(calls.server, ServiceServer)
+    return calls.server
 
 
 class World:
@@ -115,7 +120,7 @@ async def test_an_answer_for_another_client_and_a_second_one(world: World) -> No
 async def test_an_error_of_the_server(world: World) -> None:
     await world.hold()
     world.served.reply(SUPPORT.encode_error(world.asked[0].client, 1, "no fuel"))
-    assert (world.served.failed, world.served.waiting, world.served.server.waiting) == (1, 0, 0)
+    assert (world.served.failed, world.served.waiting, server_of(world.served).waiting) == (1, 0, 0)
     assert world.warnings == ["a call of /add by a node of ROS 2 gets no answer: no fuel"]
     assert world.calls.waiting == 1  # ROS 2 has no errors
 
@@ -167,7 +172,7 @@ async def test_a_result_waits_for_the_last_feedback(world: World, monkeypatch: p
     calls.request(SUPPORT.encode_request(CLIENT, 1, AddTwoInts.Request()))
     await until(lambda: asked)
     served.reply(SUPPORT.encode_response(asked[0].client, 1, AddTwoInts.Response()))
-    assert (served.waiting, served.server.waiting, world.replies) == (0, 1, [])
+    assert (served.waiting, server_of(served).waiting, world.replies) == (0, 1, [])
     served.close()
     calls.close()
 
@@ -186,7 +191,7 @@ async def test_two_servers_of_a_service_share_its_requests(world: World) -> None
     def send(number: int, *ends: CallsFromRos) -> None:
         request = RequestId(client, number, client)
         for end in ends:
-            end.server._open[client][request] = None
+            server_of(end)._open[client][request] = None
             end._request(request, cdr)
 
     send(1, one, other)
@@ -196,13 +201,13 @@ async def test_two_servers_of_a_service_share_its_requests(world: World) -> None
     response = SUPPORT.encode_response(client, 1, AddTwoInts.Response(sum=5))
     other.reply(response)
     one.reply(response)
-    assert (one.waiting, one.server.waiting, other.server.waiting) == (1, 0, 1)
+    assert (one.waiting, server_of(one).waiting, server_of(other).waiting) == (1, 0, 1)
     send(1, one)  # late
-    assert (len(two), one.server.waiting) == (2, 0)
+    assert (len(two), server_of(one).waiting) == (2, 0)
     send(3, one, other)
     other.close()
     assert world.warnings == ["a call of /two by a node of ROS 2 gets no answer: its server has gone"]
-    assert (one.waiting, one.server.waiting) == (1, 1)
+    assert (one.waiting, server_of(one).waiting) == (1, 1)
     one.reply(SUPPORT.encode_response(client, 3, AddTwoInts.Response(sum=5)))
-    assert (one.waiting, one.server.waiting) == (0, 0)
+    assert (one.waiting, server_of(one).waiting) == (0, 0)
     one.close()

@@ -1,4 +1,4 @@
-"""bus_bridge.dds.service_ways: ends of services in ROS 2, and the routes of their messages."""
+"""bus_bridge.ros2.service_ways: ends of services in ROS 2, and the routes of their messages."""
 
 from collections.abc import AsyncIterator, Callable
 from typing import Any, Literal
@@ -11,11 +11,11 @@ from bus.qos import QoSProfile
 from bus.srv.example_interfaces import AddTwoInts
 from bus.types.service import Reply, service_support
 from bus_bridge.batch import Batch, Loose, Sample
-from bus_bridge.dds.service_types import KnownServices, ServiceTypes
-from bus_bridge.dds.service_ways import ServiceWays
 from bus_bridge.dds.services import Services
 from bus_bridge.engine import EndpointKind, FarEndpoint, LocalEndpoint, LocalNode, Writer
 from bus_bridge.errors import BridgeError
+from bus_bridge.ros2.service_types import KnownServices, ServiceTypes
+from bus_bridge.ros2.service_ways import ServiceWays
 from ports import own_domain
 
 DOMAIN = own_domain()

@@ -21,13 +21,13 @@ from bus.names import reply_topic, request_topic, service_of_topic
 from bus.schema import MessageSchema
 from bus.vocabulary import DropReason
 from bus_bridge.batch import Batch, Loose, Sample
-from bus_bridge.dds.early import Arrived, Early
-from bus_bridge.dds.open_requests import OpenRequests
-from bus_bridge.dds.service_calls import CallsFromRos, CallsToRos
-from bus_bridge.dds.service_types import KnownServices, ServiceTypes
-from bus_bridge.dds.services import Services
 from bus_bridge.engine import FarEndpoint, LocalEndpoint, LocalNode, Reader, Writer
 from bus_bridge.errors import BridgeError
+from bus_bridge.ros2.calls import Services
+from bus_bridge.ros2.early import Arrived, Early
+from bus_bridge.ros2.open_requests import OpenRequests
+from bus_bridge.ros2.service_calls import CallsFromRos, CallsToRos
+from bus_bridge.ros2.service_types import KnownServices, ServiceTypes
 
 __all__ = ["ServiceWays"]
 
@@ -160,18 +160,19 @@ class ServiceWays:
         requests, replies = reversed(schemas) if end.key.is_server else schemas
         types = ServiceTypes.of(requests, replies)
         self._known.learn(types)
-        end.calls = self._make_calls(end.key, types)
+        end.calls = self._make_calls(end, types)
         self._show(end.node, end.guids, True)
         end.publisher.on_change()
 
-    def _make_calls(self, key: _Key, types: ServiceTypes) -> CallsFromRos | CallsToRos:
-        service = key.service
+    def _make_calls(self, end: "_End", types: ServiceTypes) -> CallsFromRos | CallsToRos:
+        key, service = end.key, end.key.service
+        services = self._services.for_end(end.node, types)
         if key.is_server:
             requests = self._requests.setdefault(service, OpenRequests())
-            return CallsFromRos(self._services, service, types, self._deliver, self._user_data, requests)
+            return CallsFromRos(services, service, types, self._deliver, self._user_data, requests)
         topic = reply_topic(service)
         return CallsToRos(
-            self._services,
+            services,
             service,
             types,
             lambda server, payload: (

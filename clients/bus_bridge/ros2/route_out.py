@@ -10,8 +10,8 @@ from typing import Final
 
 from bus.vocabulary import DropReason
 from bus_bridge.batch import Batch
-from bus_bridge.dds import samples
-from bus_bridge.dds.known_types import KnownType
+from bus_bridge.ros2 import samples
+from bus_bridge.ros2.known_types import KnownType
 from bus_ros.cdr import CdrError
 
 __all__ = ["RouteOut"]

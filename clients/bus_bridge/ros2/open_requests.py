@@ -10,8 +10,7 @@ leads to each server too. Otherwise with two servers, each would carry out a req
 from collections import OrderedDict
 from typing import Final, NamedTuple
 
-from bus_bridge.dds.service_identity import RequestId
-from bus_bridge.dds.services import ServiceServer
+from bus_bridge.ros2.calls import RequestId, Server
 
 __all__ = ["OpenRequest", "OpenRequests"]
 
@@ -25,7 +24,7 @@ class OpenRequest(NamedTuple):
     """A request without an answer."""
 
     request: RequestId
-    servers: dict[ServiceServer, None]
+    servers: dict[Server, None]
     """Our servers that have received it."""
 
     def answer(self, cdr: bytes) -> None:
@@ -56,7 +55,7 @@ class OpenRequests:
     def __len__(self) -> int:
         return len(self._by_key)
 
-    def add(self, request: RequestId, server: ServiceServer) -> Key | None:
+    def add(self, request: RequestId, server: Server) -> Key | None:
         """Note a request that a server has received; returns the client and the number that it has on the
         bus, or None if it is there already."""
         if (key := self._keys.get(request)) is not None:
@@ -84,7 +83,7 @@ class OpenRequests:
         """The oldest request, if there are too many."""
         return self.pop(next(iter(self._by_key))) if len(self._by_key) > _MOST else None
 
-    def pop_of(self, server: ServiceServer) -> list[OpenRequest]:
+    def pop_of(self, server: Server) -> list[OpenRequest]:
         """A server is closed: the requests that no other one can answer."""
         last = []
         for key, one in list(self._by_key.items()):

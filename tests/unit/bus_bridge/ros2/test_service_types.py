@@ -11,8 +11,8 @@ from bus.srv.example_interfaces import AddTwoInts
 from bus.srv.std_srvs import SetBool
 from bus.types.classes import service_class
 from bus.types.service import service_support
-from bus_bridge.dds.service_types import ServiceTypes
 from bus_bridge.errors import BridgeError
+from bus_bridge.ros2.service_types import ServiceTypes
 from rows import for_each
 
 GID = bytes(range(16))

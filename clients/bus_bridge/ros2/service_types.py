@@ -13,8 +13,8 @@ from bus.errors import BusError, ConfigurationError
 from bus.schema import MessageSchema, schema_of
 from bus.types.classes import service_class
 from bus.types.service import GID_BYTES, message_of, service_support
-from bus_bridge.dds import samples
 from bus_bridge.errors import BridgeError
+from bus_bridge.ros2 import samples
 from bus_ros.cdr import CdrError, Codec, codec_of
 
 __all__ = ["Answer", "Call", "KnownServices", "ServiceTypes"]
