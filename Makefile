@@ -10,7 +10,7 @@ STAMP  := $(VENV)/.busd-$(BUS_NATIVE)
 TOOLS  := $(STAMP) $(VENV)/.tools
 BENCH_STAMP := $(VENV)/.bench
 # ROS 2's own rclpy, of each of its distributions in an environment of its own. Benchmarks need Jazzy only.
-PEERS := jazzy kilted
+PEERS := jazzy kilted zeros
 ROS_STAMP := .venv-jazzy/.peers
 FUZZ_STAMP := $(VENV)/.fuzz
 SOAK_STAMP := $(VENV)/.soak
@@ -221,7 +221,7 @@ bench-report: $(BENCH_STAMP) ## the report, its pictures and the README's table 
 	$(if $(RESULT),,$(error say of which: make bench-report RESULT=benchmarks/results/....json))
 	$(BIN)/python -m benchmarks.write $(RESULT)
 
-peers: $(PEERS:%=.venv-%/.peers) ## ROS 2's own rclpy into .venv-jazzy and .venv-kilted: half a minute or more and 270 MB each, x86_64
+peers: $(PEERS:%=.venv-%/.peers) ## ROS 2's own rclpy into .venv-jazzy and .venv-kilted: half a minute or more and 270 MB each, x86_64; pyzeros into .venv-zeros
 
 # Its modules have the names of busd's facade, so it is kept apart. Where it can't be had, what needs it says so.
 .venv-%/.peers: benchmarks/%.txt | $(TOOLS)

@@ -1,6 +1,7 @@
 """Bridges: topics and services of this bus on other machines, and on ROS 2.
 
-    this bus <-> `core/` (mirrors, routes, rules, counters) <-> `engine.py` (interface) <-> `zenoh/` or `dds/`
+    this bus <-> `core/` (mirrors, routes, rules, counters) <-> `engine.py` (interface) <-> `zenoh/`, `dds/`
+                                                                             or `rmw_zenoh/`
 
 A bridge is a client of the bus and runs in a separate process. `program.py` runs a bridge. `options.py` and
 `config.py` have its settings, and `extras.py` the packages that an engine needs. Messages travel in batches:
@@ -15,6 +16,7 @@ Invariants:
   queues.
 - Small messages of one publisher stay together in one buffer from end to end.
 - Only an engine imports its package (`zenoh`, `cyclonedds`). import-linter checks this for zenoh.
+- `ros2/` has the parts of ROS 2 that `dds/` and `rmw_zenoh/` share.
 
 Read first: `engine.py`, then `core/bridge.py`; docs/bridge.md for users' view.
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from bus.base.optional import how_to_install
 
-__all__ = ["EXTRAS", "Extra", "why_missing"]
+__all__ = ["EXTRAS", "Extra", "why_missing", "why_no_rmw_zenoh"]
 
 _MACHINE = "x86_64"
 _FIRST_WITHOUT = (3, 14)
@@ -48,3 +48,14 @@ def why_missing(engine: str, machine: str | None = None, python: tuple[int, int]
         here = ".".join(map(str, python))
         return f"{what}, of which there is no package for Python {here} yet: use 3.13 or older"
     return f"{what}: {how_to_install(extra.distribution)}"
+
+
+_RMW_ZENOH = ("eclipse-zenoh", "zenoh"), ("xxhash", "xxhash")
+
+
+def why_no_rmw_zenoh() -> str:
+    """A sentence about packages missing for ROS 2 on zenoh, with advice; "" if nothing is missing."""
+    missing = [name for name, module in _RMW_ZENOH if find_spec(module) is None]
+    if not missing:
+        return ""
+    return f"a bridge to ROS 2 on zenoh needs {' and '.join(missing)}: {how_to_install(*missing)}"

@@ -65,3 +65,12 @@ class Ros2Table(BridgeTable, frozen=True, kw_only=True):
     """`humble`: the far side uses Humble's form of the graph."""
     carrier: Literal["auto", "cyclonedds", "rtps"] | None = None
     """What carries topics."""
+    rmw: Literal["dds", "zenoh"] | None = None
+    """The middleware of ROS 2's nodes."""
+    connect: tuple[str, ...] = ()
+    """With zenoh: addresses of routers or nodes of ROS 2; by default the router of this machine."""
+    listen: tuple[str, ...] = ()
+    """With zenoh: addresses to listen on; by default loopback, any port."""
+    insecure: bool | None = None
+    """With zenoh: as for `[bridge.zenoh]`."""
+    tls: TlsTable = TlsTable()

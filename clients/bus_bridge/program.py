@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING, Final
 
 from bus.graph import Origin
 from bus.node import Node
@@ -11,12 +12,17 @@ from bus_bridge.core.naming import Naming
 from bus_bridge.core.rules import Rules
 from bus_bridge.engine import Engine
 from bus_bridge.errors import BridgeError
+from bus_bridge.extras import why_no_rmw_zenoh
 from bus_bridge.options import BridgeTable, Ros2Table, ZenohTable
+
+if TYPE_CHECKING:
+    from bus_bridge.zenoh.options import ZenohOptions
 
 __all__ = ["Plan"]
 
 _MakeEngine = Callable[[str], Engine]
 """Makes the engine for the bus with this id."""
+_NOTHING: Final = Ros2Table()
 
 
 class Plan:
@@ -67,17 +73,9 @@ def _plan_engine(table: BridgeTable) -> tuple[_MakeEngine, list[str]]:
 
 def _plan_zenoh(table: ZenohTable) -> tuple[_MakeEngine, list[str]]:
     from bus_bridge.zenoh.engine import ZenohEngine
-    from bus_bridge.zenoh.options import ZenohOptions, check
+    from bus_bridge.zenoh.options import check
 
-    options = ZenohOptions(
-        listen=table.listen,
-        connect=table.connect,
-        router=table.router,
-        ca=table.tls.ca or "",
-        certificate=table.tls.certificate or "",
-        key=table.tls.key or "",
-        insecure=bool(table.insecure),
-    )
+    options = _links(table.listen, table.connect, table, table.router)
     check(options)
     places = [f"listening on {place}" for place in table.listen]
     places += [f"connecting to {place}" for place in table.connect]
@@ -85,7 +83,52 @@ def _plan_zenoh(table: ZenohTable) -> tuple[_MakeEngine, list[str]]:
     return lambda bus: ZenohEngine(bus, options, owns_process=True), places
 
 
+def _links(
+    listen: tuple[str, ...],
+    connect: tuple[str, ...],
+    table: ZenohTable | Ros2Table,
+    router: tuple[str, ...] = (),
+) -> "ZenohOptions":
+    from bus_bridge.zenoh.options import ZenohOptions
+
+    return ZenohOptions(
+        listen=listen,
+        connect=connect,
+        router=router,
+        ca=table.tls.ca or "",
+        certificate=table.tls.certificate or "",
+        key=table.tls.key or "",
+        insecure=bool(table.insecure),
+    )
+
+
 def _plan_ros2(table: Ros2Table) -> tuple[_MakeEngine, list[str]]:
+    only_dds = ("interface", "peers", "distro", "carrier")
+    only_zenoh = ("connect", "listen", "insecure", "tls")
+    is_zenoh = table.rmw == "zenoh"
+    for key in only_dds if is_zenoh else only_zenoh:
+        if getattr(table, key) != getattr(_NOTHING, key):
+            other = "dds" if is_zenoh else "zenoh"
+            raise BridgeError(f"'{key}' is an option of ROS 2 on {other}: --rmw {other}")
+    return _plan_rmw_zenoh(table) if is_zenoh else _plan_dds(table)
+
+
+def _plan_rmw_zenoh(table: Ros2Table) -> tuple[_MakeEngine, list[str]]:
+    if why := why_no_rmw_zenoh():
+        raise BridgeError(why)
+    from bus_bridge.rmw_zenoh.engine import RmwZenohEngine
+    from bus_bridge.rmw_zenoh.options import ROUTER, RmwZenohOptions, check
+
+    connect = table.connect or (() if table.listen else (ROUTER,))
+    options = RmwZenohOptions(_links(table.listen, connect, table), table.domain_id)
+    check(options)
+    places = [f"in ROS 2's domain {options.domain}, on zenoh"]
+    places += [f"listening on {place}" for place in table.listen]
+    places += [f"connecting to {place}" for place in connect]
+    return lambda bus: RmwZenohEngine(bus, options), places
+
+
+def _plan_dds(table: Ros2Table) -> tuple[_MakeEngine, list[str]]:
     from bus_bridge.dds.engine import DdsEngine
     from bus_bridge.dds.options import DdsOptions
 

@@ -33,7 +33,10 @@ def test_every_key_is_there() -> None:
     zenoh = {field.name for field in structs.fields(ZenohTable)} - common - {"tls"} | tls
     assert keys_in("Rules") == common | {field.name for field in structs.fields(TopicRule)}
     assert keys_in("zenoh") == zenoh
-    assert keys_in("ROS 2 (DDS)") == {field.name for field in structs.fields(Ros2Table)} - common
+    ros2 = {field.name for field in structs.fields(Ros2Table)} - common - {"tls"} | tls
+    on_zenoh = {"rmw", "connect", "listen", "insecure"} | tls
+    assert keys_in("ROS 2 on zenoh (rmw_zenoh)") == on_zenoh
+    assert keys_in("ROS 2 (DDS)") == ros2 - on_zenoh
 
 
 @for_each("verb", ["zenoh", "ros2"])

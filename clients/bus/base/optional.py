@@ -12,14 +12,16 @@ BOUNDS = {
     "prometheus-client": ">=0.20",
     "textual": ">=3",
     "websockets": ">=15",
+    "xxhash": ">=3,<5",
 }
 """Distributions and their versions, equal to the extras in pyproject.toml."""
 
 
-def how_to_install(distribution: str) -> str:
+def how_to_install(*distributions: str) -> str:
     """The command, for a shell.
 
-    It names the package itself and not an extra of busd (`busd[web]`). A command with an extra depends on the
-    source of busd: a clone, a wheel or an index. This command works with each of them, in any folder.
+    It names the packages themselves and not an extra of busd (`busd[web]`). A command with an extra depends
+    on the source of busd: a clone, a wheel or an index. This command works with each of them, in any folder.
     """
-    return f"pip install '{distribution}{BOUNDS[distribution]}'"
+    packages = " ".join(f"'{one}{BOUNDS[one]}'" for one in distributions)
+    return f"pip install {packages}"

@@ -7,7 +7,7 @@
        `rtps_topics.py`  our RTPS
     translations: `names.py`, `qos.py`; types, payloads and routes out: `bus_bridge.ros2`
 
-    services: `bus_bridge.ros2` <-> `services.py` (`service_identity.py`, `turns.py`) <-> `bus_bridge.rtps`
+    services: `bus_bridge.ros2` <-> `services.py` (`service_identity.py`) <-> `bus_bridge.rtps`
     far servers and clients: `discovery.py` (`client_pairs.py`), as other endpoints
 
 Invariants:

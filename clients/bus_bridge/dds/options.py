@@ -1,21 +1,18 @@
 """The user's options for the DDS side of a bridge."""
 
 import ipaddress
-import os
 from importlib.util import find_spec
-from typing import Final, Literal
+from typing import Literal
 
 import msgspec
 
 from bus_bridge.errors import BridgeError
+from bus_bridge.ros2.domain import MAX_DOMAIN, chosen_domain
 
-__all__ = ["MAX_DOMAIN", "CarrierName", "DdsOptions", "Distro", "checked_interface", "checked_peer"]
+__all__ = ["CarrierName", "DdsOptions", "Distro", "checked_interface", "checked_peer"]
 
 Distro = Literal["auto", "humble"]
 CarrierName = Literal["auto", "cyclonedds", "rtps"]
-
-MAX_DOMAIN: Final = 232
-"""The highest domain: above it, port numbers would be too high."""
 
 
 class DdsOptions(msgspec.Struct, frozen=True):
@@ -43,12 +40,7 @@ class DdsOptions(msgspec.Struct, frozen=True):
     @property
     def domain(self) -> int:
         """The domain to use. Raises BridgeError if $ROS_DOMAIN_ID is not a number."""
-        if self.domain_id is not None:
-            return self.domain_id
-        text = os.environ.get("ROS_DOMAIN_ID", "")
-        if text and not (text.isascii() and text.isdigit()):
-            raise BridgeError(f"ROS_DOMAIN_ID must be a number from 0 to {MAX_DOMAIN}, not '{text}'")
-        return int(text or "0")
+        return chosen_domain(self.domain_id)
 
     @property
     def is_local(self) -> bool:

@@ -21,11 +21,11 @@ from bus_bridge.dds.service_identity import (
     write_answer,
     write_request,
 )
-from bus_bridge.dds.turns import Turns
 from bus_bridge.engine import LocalNode
 from bus_bridge.errors import BridgeError
 from bus_bridge.ros2.calls import NoServer, RequestId, Response
 from bus_bridge.ros2.service_types import ServiceTypes
+from bus_bridge.ros2.turns import Turns
 from bus_bridge.rtps.announcements import EndpointData, ParticipantData
 from bus_bridge.rtps.ids import PREFIX_BYTES
 from bus_bridge.rtps.parameters import RtpsError
@@ -84,7 +84,7 @@ class Services:
         )
 
     def for_end(self, node: LocalNode, types: ServiceTypes) -> "Services":
-        """As `bus_bridge.ros2.calls.Services`: nodes don't matter here."""
+        """As `CallCarrier`: nodes don't matter here."""
         return self
 
     def serve(

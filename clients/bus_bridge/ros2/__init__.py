@@ -3,7 +3,8 @@
     types: `known_types.py`, `service_types.py`, `type_names.py`;  payloads: `samples.py`
     topics: `route_out.py`;  `early.py`: messages before their route
     services: the bridge's routes <-> `service_ways.py` <-> `service_calls.py` (`open_requests.py`) <->
-        `calls.py`, the interface to the carrier of calls
+        `calls.py`, the interface to the carrier of calls;  `turns.py`: the order of many calls
+    also: `service_hash.py`, `domain.py`
 
 Invariants:
 

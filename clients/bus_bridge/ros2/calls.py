@@ -8,7 +8,7 @@ from bus_bridge.engine import LocalNode
 from bus_bridge.errors import BridgeError
 from bus_bridge.ros2.service_types import ServiceTypes
 
-__all__ = ["OF_SERVICES", "Client", "NoServer", "RequestId", "Response", "Server", "Services"]
+__all__ = ["OF_SERVICES", "CallCarrier", "Client", "NoServer", "RequestId", "Response", "Server", "Services"]
 
 OF_SERVICES: Final = QoSProfile(1000)
 """The profile of a far server or client: the number of its calls that may wait."""
@@ -81,14 +81,11 @@ class Client(Protocol):
 
 
 class Services(Protocol):
-    """All our servers and clients in ROS 2."""
+    """Makes servers and clients in ROS 2."""
 
     @property
     def warn(self) -> Callable[[str], None]:
         """Reports a problem to the user."""
-
-    def for_end(self, node: LocalNode, types: ServiceTypes) -> "Services":
-        """The services of a node with these types, for one server or client."""
 
     def serve(
         self,
@@ -101,3 +98,14 @@ class Services(Protocol):
 
     def make_client(self, service: str, type_name: str, user_data: bytes = b"") -> Client:
         """Make a client of a service."""
+
+
+class CallCarrier(Protocol):
+    """A carrier of ROS 2's calls."""
+
+    @property
+    def warn(self) -> Callable[[str], None]:
+        """Reports a problem to the user."""
+
+    def for_end(self, node: LocalNode, types: ServiceTypes) -> Services:
+        """The services of a node, for one server or client with these types."""

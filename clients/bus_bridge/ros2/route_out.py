@@ -59,7 +59,7 @@ class RouteOut:
             if 0 < number <= self._last:
                 continue  # the writer's history has the messages for late joiners already
             try:
-                cdr = samples.encode(self._codec, payload)
+                cdr = self._encoded(payload)
             except CdrError:
                 self._lose(DropReason.UNDECODABLE)
                 continue
@@ -84,6 +84,10 @@ class RouteOut:
     def _has_reader(self) -> bool:
         """Whether a far reader is matched."""
         raise NotImplementedError
+
+    def _encoded(self, payload: bytes) -> bytes:
+        """The CDR of a message. Raises CdrError."""
+        return samples.encode(self._codec, payload)
 
     def _send(self, cdr: bytes, time_ns: int) -> bool:
         """Send a message; False if there is no room now."""

@@ -4,6 +4,7 @@ On the bus a request or answer is an array: the client's gid, the number of the 
 text, and the message. In DDS only the message travels as the payload. The identity of the call is elsewhere.
 """
 
+from functools import cached_property
 from typing import Annotated, Any, Final, NamedTuple
 
 import msgspec
@@ -15,6 +16,7 @@ from bus.types.classes import service_class
 from bus.types.service import GID_BYTES, message_of, service_support
 from bus_bridge.errors import BridgeError
 from bus_bridge.ros2 import samples
+from bus_bridge.ros2.service_hash import service_hash
 from bus_ros.cdr import CdrError, Codec, codec_of
 
 __all__ = ["Answer", "Call", "KnownServices", "ServiceTypes"]
@@ -95,6 +97,16 @@ class ServiceTypes:
         if (requests.type_name, replies.type_name) != (f"{name}_Request", f"{name}_Response"):
             raise BridgeError(f"{requests.type_name} and {replies.type_name} are not of one service")
         return ServiceTypes(name, requests, replies)
+
+    @property
+    def codecs(self) -> tuple[Codec, Codec]:
+        """The codecs of its requests and its answers."""
+        return self._request, self._response
+
+    @cached_property
+    def type_hash(self) -> str:
+        """The hash of the service's type in ROS 2."""
+        return service_hash(self.type_name, self._request, self._response)
 
     # --- from the bus to ROS 2
 

@@ -23,7 +23,7 @@ from bus.vocabulary import DropReason
 from bus_bridge.batch import Batch, Loose, Sample
 from bus_bridge.engine import FarEndpoint, LocalEndpoint, LocalNode, Reader, Writer
 from bus_bridge.errors import BridgeError
-from bus_bridge.ros2.calls import Services
+from bus_bridge.ros2.calls import CallCarrier
 from bus_bridge.ros2.early import Arrived, Early
 from bus_bridge.ros2.open_requests import OpenRequests
 from bus_bridge.ros2.service_calls import CallsFromRos, CallsToRos
@@ -50,7 +50,7 @@ class ServiceWays:
     are there now.
     """
 
-    def __init__(self, services: Services, known: KnownServices, user_data: bytes, show: Show) -> None:
+    def __init__(self, services: CallCarrier, known: KnownServices, user_data: bytes, show: Show) -> None:
         self._services = services
         self._known = known
         self._user_data = user_data

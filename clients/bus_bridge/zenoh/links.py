@@ -22,7 +22,16 @@ _PATIENCE = 3
 class Links:
     """The links of the user's addresses. Call `look` about once a second."""
 
-    def __init__(self, options: ZenohOptions, session: Session, warn: Callable[[str], None]) -> None:
+    def __init__(
+        self,
+        options: ZenohOptions,
+        session: Session,
+        warn: Callable[[str], None],
+        *,
+        wants_routers: bool = False,
+    ) -> None:
+        """`wants_routers`: addresses to connect to may be those of routers."""
+        self._wants_routers = wants_routers
         self._options = options
         self._session = session
         self._warn = warn
@@ -43,7 +52,11 @@ class Links:
                 self._missed[address.text] = 0
                 self._answered.discard(address.text)
                 self._reasons.pop(address.text, None)
-                if not self._options.router and link.zenoh_id in self._session.routers():
+                if (
+                    not self._wants_routers
+                    and not self._options.router
+                    and link.zenoh_id in self._session.routers()
+                ):
                     self._warn(
                         f"--connect {address.text}: that is a router of zenoh, not a bridge; to reach "
                         f"others through it, use --router {address.text}"
@@ -61,7 +74,8 @@ class Links:
             elif address.text not in self._answered:
                 self._answered.add(address.text)  # zenoh tries again within a second
             elif not self._is_joined(address, links):
-                who = "router of zenoh" if self._options.router else "bridge of busd"
+                is_router = self._options.router or self._wants_routers
+                who = "router of zenoh" if is_router else "bridge of busd"
                 reason = f"a program listens there, but not a {who} that accepts this one"
             if reason:
                 self._reasons[address.text] = reason

@@ -13,7 +13,7 @@ import resource
 import secrets
 import threading
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import Any, Generic, NamedTuple, TypeVar
 
@@ -267,11 +267,16 @@ class Session:
     """A session without scouting, only with the links in `options`. With a router it is the router's client,
     otherwise a peer."""
 
-    def __init__(self, options: ZenohOptions, on_fault: Callable[[Exception], None]) -> None:
+    def __init__(
+        self,
+        options: ZenohOptions,
+        on_fault: Callable[[Exception], None],
+        settings: Mapping[str, object] | None = None,
+    ) -> None:
         """`on_fault` is called on the loop with an exception raised by our code in a callback: a bug in the
-        bridge."""
+        bridge. `settings` of zenoh replace those made from the options."""
         self.zenoh_id = f"f{secrets.token_hex(15)}"  # known before there is a router
-        self._config = _config(options, self.zenoh_id)
+        self._config = _config(options, self.zenoh_id, settings or {})
         self._on_fault = on_fault
         self._options = options
         self._loop = asyncio.get_running_loop()
@@ -508,7 +513,7 @@ def _settle(future: "asyncio.Future[None]", error: BridgeError | None = None) ->
         future.set_exception(error)
 
 
-def _config(options: ZenohOptions, zenoh_id: str) -> Any:
+def _config(options: ZenohOptions, zenoh_id: str, more: Mapping[str, object]) -> Any:
     settings: dict[str, object] = {
         "id": zenoh_id,
         "mode": "client" if options.router else "peer",
@@ -540,7 +545,7 @@ def _config(options: ZenohOptions, zenoh_id: str) -> Any:
             f"{tls}/connect_certificate": options.certificate,
         }
     config = zenoh.Config()
-    for name, value in settings.items():
+    for name, value in {**settings, **more}.items():
         config.insert_json5(name, json.dumps(value))
     return config
 

@@ -11,9 +11,11 @@ from bus_cli.query import NotRunning, Query
 from bus_cli.stream import run_stream
 
 if TYPE_CHECKING:
+    from argparse import _ArgumentGroup as ArgumentGroup
+
     from bus_bridge.options import BridgeTable
 
-__all__ = ["add_bridge_arguments", "config_file", "run_bridge"]
+__all__ = ["add_bridge_arguments", "add_certificate_arguments", "config_file", "run_bridge", "tls_of"]
 
 _LEVELS = ("debug", "info", "warn", "error", "fatal")
 
@@ -45,6 +47,27 @@ def add_bridge_arguments(parser: ArgumentParser, engine: str) -> None:
         "--id", metavar="ID", help="name of this bus for other buses (default: from the machine's name)"
     )
     group.add_argument("--log-level", choices=_LEVELS, default="info", help="logging level")
+
+
+def add_certificate_arguments(group: "ArgumentGroup") -> None:
+    """Add the options for certificates of zenoh's links, and for links without them."""
+    group.add_argument(
+        "--ca", metavar="FILE", help="CA certificate (PEM) that has signed the certificates of both sides"
+    )
+    group.add_argument("--certificate", metavar="FILE", help="this side's certificate (PEM)")
+    group.add_argument("--key", metavar="FILE", help="the private key of --certificate (PEM)")
+    group.add_argument(
+        "--insecure",
+        action="store_true",
+        default=None,
+        help="allow addresses without certificates: any program that reaches them can read and publish",
+    )
+
+
+def tls_of(args: Namespace) -> dict[str, str] | None:
+    """The options for certificates, by the keys of the table."""
+    given = {name: value for name in ("ca", "certificate", "key") if (value := getattr(args, name))}
+    return given or None
 
 
 def run_bridge(args: Namespace, engine: str, flags: dict[str, Any]) -> int:

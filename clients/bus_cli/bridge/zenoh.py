@@ -3,7 +3,7 @@
 from argparse import ArgumentParser, Namespace
 
 from bus.base.optional import how_to_install
-from bus_cli.bridge.bridgeargs import add_bridge_arguments, run_bridge
+from bus_cli.bridge.bridgeargs import add_bridge_arguments, add_certificate_arguments, run_bridge, tls_of
 
 _EPILOG = f"""\
 ADDRESS is tls/HOST:PORT, quic/HOST:PORT or tcp/HOST:PORT. One that other machines can reach needs tls/ or
@@ -34,28 +34,17 @@ def add_arguments(parser: ArgumentParser) -> None:
         metavar="ADDRESS",
         help="use a router of zenoh (zenohd) instead of --listen and --connect; of several, one is used",
     )
-    group.add_argument(
-        "--ca", metavar="FILE", help="CA certificate (PEM) that has signed the certificates of both sides"
-    )
-    group.add_argument("--certificate", metavar="FILE", help="this side's certificate (PEM)")
-    group.add_argument("--key", metavar="FILE", help="the private key of --certificate (PEM)")
-    group.add_argument(
-        "--insecure",
-        action="store_true",
-        default=None,
-        help="allow addresses without certificates: any program that reaches them can read and publish",
-    )
+    add_certificate_arguments(group)
     add_bridge_arguments(parser, "zenoh")
 
 
 def main(args: Namespace) -> int:
     """Run the bridge until Ctrl-C."""
-    tls = {name: value for name in ("ca", "certificate", "key") if (value := getattr(args, name))}
     flags = {
         "listen": args.listen,
         "connect": args.connect,
         "router": args.router,
         "insecure": args.insecure,
-        "tls": tls or None,
+        "tls": tls_of(args),
     }
     return run_bridge(args, "zenoh", flags)

@@ -58,3 +58,13 @@ def test_what_to_do(
 def test_nothing_is_said_where_it_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(extras, "find_spec", lambda name: object())
     assert [extras.why_missing(engine) for engine in extras.EXTRAS] == ["", ""]
+
+
+def test_ros_2_on_zenoh(nothing_is_there: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    needs = "a bridge to ROS 2 on zenoh needs"
+    zenoh, xxhash = "'eclipse-zenoh>=1.10,<2'", "'xxhash>=3,<5'"
+    assert extras.why_no_rmw_zenoh() == f"{needs} eclipse-zenoh and xxhash: pip install {zenoh} {xxhash}"
+    monkeypatch.setattr(extras, "find_spec", lambda name: None if name == "xxhash" else object())
+    assert extras.why_no_rmw_zenoh() == f"{needs} xxhash: pip install {xxhash}"
+    monkeypatch.setattr(extras, "find_spec", lambda name: object())
+    assert extras.why_no_rmw_zenoh() == ""

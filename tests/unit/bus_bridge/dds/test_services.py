@@ -6,9 +6,9 @@ from collections.abc import AsyncIterator
 import pytest
 
 from bridged_world import until
-from bus_bridge.dds import turns
 from bus_bridge.dds.services import ServiceClient, Services, ServiceServer
 from bus_bridge.errors import BridgeError
+from bus_bridge.ros2 import turns
 from bus_bridge.ros2.calls import NoServer, RequestId, Response
 from bus_bridge.rtps.reader import Reader
 from bus_bridge.rtps.writer import Writer

@@ -1,11 +1,11 @@
-"""bus_bridge.dds.turns: calls are made in their order, and few are in the server's queue."""
+"""bus_bridge.ros2.turns: calls are made in their order, and few are in the server's queue."""
 
 import asyncio
 
 import pytest
 
-from bus_bridge.dds import turns as module
-from bus_bridge.dds.turns import Turns
+from bus_bridge.ros2 import turns as module
+from bus_bridge.ros2.turns import Turns
 
 
 class World:
