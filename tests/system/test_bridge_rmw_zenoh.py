@@ -315,6 +315,21 @@ async def test_the_router_and_the_bridge_come_back(ros: Ros) -> None:
 
 
 @on_one_loop
+async def test_a_session_that_exceeds_a_limit_is_refused_alone(ros: Ros) -> None:
+    bridge = ros.bridge()
+    with ros.peer("calm") as calm, ros.peer("crowd") as crowd:
+        await ros.side.shows(lambda graph: {"/calm", "/crowd"} <= {one.full_name for one in graph.nodes})
+        await ask(crowd, "crowd", count=1500)
+        await until(lambda: "is refused" in bridge.log.read_text())
+        await ask(calm, "publish", topic="/chatter", **STRING)
+        graph = await ros.side.shows(lambda graph: graph.publishers_of("/chatter") and len(graph.nodes) < 5)
+        assert "/crowd" not in {one.full_name for one in graph.nodes}
+        links = [link["text"] for link in bridge.status()["links"]]
+        assert "1 session, 1 refused" in links
+    assert "a token of ROS 2 is left out" in bridge.log.read_text()
+
+
+@on_one_loop
 async def test_rules_domains_and_namespaces(ros: Ros) -> None:
     ros.bridge("--namespace", "/bot", "--deny", "/secret")
     with ros.peer() as far, ros.peer("elsewhere", ros.domain + 1) as other:

@@ -243,7 +243,8 @@ class RosClient:
     @property
     def is_ready(self) -> bool:
         """Whether a server is there, and requests reach it."""
-        return bool(self._services.find_servers(self._kind)) and self._asking.is_matched
+        is_there = not self._is_closed and bool(self._services.find_servers(self._kind))
+        return is_there and self._asking.is_matched
 
     async def wait_until_ready(self) -> None:
         pause_s = _POLL_S

@@ -187,6 +187,16 @@ class Peer:
                 return str(reply.ok.payload.to_bytes().hex())
         return None
 
+    def crowd(self, count: int) -> None:
+        """Announce many nodes, and tokens that are none."""
+        declare = self._session.liveliness().declare_token
+        space = f"@ros2_lv/{self._domain}"
+        self._held["crowd"] = [
+            declare(f"{space}/{one}") for one in ("x", f"{self._id}/0/0/NN/%/%/a b", "%/%")
+        ]
+        for number in range(10, 10 + count):
+            self._held["crowd"].append(declare(f"{space}/{self._id}/{number}/{number}/NN/%/%/n{number}"))
+
     def end(self, name: str) -> None:
         """Withdraw all endpoints with this name."""
         for one in self._held.pop(name)[::-1]:
@@ -200,7 +210,7 @@ class Peer:
 
 def main() -> None:
     peer = Peer(sys.argv[1], sys.argv[2], int(sys.argv[3]))
-    orders = ("tokens", "publish", "send", "listen", "offer", "call", "end")
+    orders = ("tokens", "publish", "send", "listen", "offer", "call", "crowd", "end")
     serve({order: getattr(peer, order) for order in orders})
     peer.close()
 

@@ -5,12 +5,16 @@ from importlib.util import find_spec
 import pytest
 
 from bus.errors import BusError
+from bus_bridge import extras
 from bus_bridge.core.rules import TopicRule
 from bus_bridge.options import BridgeTable, Ros2Table, TlsTable, ZenohTable
 from bus_bridge.program import Plan
 from rows import for_each
 
 needs_zenoh = pytest.mark.skipif(find_spec("zenoh") is None, reason="needs eclipse-zenoh")
+needs_rmw_zenoh = pytest.mark.skipif(
+    not all(map(find_spec, ("zenoh", "xxhash"))), reason="needs eclipse-zenoh and xxhash"
+)
 needs_cyclonedds = pytest.mark.skipif(find_spec("cyclonedds") is None, reason="needs cyclonedds")
 PLACE = ("tcp/127.0.0.1:7447",)
 
@@ -53,6 +57,33 @@ def test_what_can_t_be_of_dds(table: BridgeTable, said: str) -> None:
     with pytest.raises(BusError) as caught:
         Plan("ros2", table)
     assert said in str(caught.value)
+
+
+@needs_rmw_zenoh
+@for_each(
+    ("table", "said"),
+    [
+        (Ros2Table(connect=PLACE), "'connect' is an option of ROS 2 on zenoh: --rmw zenoh"),
+        (
+            Ros2Table(rmw="dds", tls=TlsTable(ca="ca.pem")),
+            "'tls' is an option of ROS 2 on zenoh: --rmw zenoh",
+        ),
+        (Ros2Table(rmw="zenoh", interface="eth0"), "'interface' is an option of ROS 2 on dds: --rmw dds"),
+        (Ros2Table(rmw="zenoh", connect=("tcp/10.0.0.2:7447",)), "is not protected"),
+    ],
+)
+def test_what_can_t_be_of_ros_2_on_zenoh(table: BridgeTable, said: str) -> None:
+    with pytest.raises(BusError) as caught:
+        Plan("ros2", table)
+    assert said in str(caught.value)
+
+
+def test_packages_that_ros_2_on_zenoh_needs(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(extras, "find_spec", lambda name: None)
+    with pytest.raises(
+        BusError, match="a bridge to ROS 2 on zenoh needs eclipse-zenoh and xxhash: pip install"
+    ):
+        Plan("ros2", Ros2Table(rmw="zenoh"))
 
 
 @needs_zenoh
