@@ -79,6 +79,9 @@ def in_the_core(codec: Codec, payloads: list[bytes]) -> tuple[bytes, bytes] | No
     assert program is not None
     pack = packed((number, 1000 + number, payload) for number, payload in enumerate(payloads))
     made = program.records(pack, 5, 77, 0)
+    messages = program.messages((*payloads, memoryview(payloads[0])))
+    assert (messages is None) == (made is None)
+    assert messages is None or messages == codec.encode_many([*payloads, payloads[0]])
     return None if made is None else (bytes(made[0]), made[1])
 
 

@@ -16,6 +16,8 @@ class Program:
         `base` is the offset of the first record. Returns None if a message is refused, or if the pack is cut
         off.
         """
+    def messages(self, payloads: tuple[Buffer, ...], /) -> list[bytes] | None:
+        """The CDR message of each payload. Returns None if one is refused."""
 
 def crc32(data: Buffer, value: int = 0, /) -> int:
     """As zlib.crc32. Missing on processors without fast instructions for it."""

@@ -129,6 +129,51 @@ static PyObject *program_records(PyObject *object, PyObject *const *args, Py_ssi
     return found;
 }
 
+/* The CDR message of a payload. *scratch: a buffer that grows as needed. NULL: an error is set, or without one, the
+ * payload was refused. */
+static PyObject *message_of(const Program *self, PyObject *payload, struct cdr *scratch)
+{
+    Py_buffer buffer;
+    if (PyObject_GetBuffer(payload, &buffer, PyBUF_SIMPLE) < 0)
+        return NULL;
+    PyObject *message = NULL;
+    bool is_made;
+    while (scratch->size = 0, scratch->is_full = false,
+           !(is_made = program_encode(self->operations, buffer.buf, (size_t)buffer.len, scratch)) && scratch->is_full) {
+        uint8_t *grown = PyMem_Realloc(scratch->bytes, 2 * scratch->room);
+        if (grown == NULL) {
+            PyErr_NoMemory();
+            break;
+        }
+        scratch->bytes = grown;
+        scratch->room *= 2;
+    }
+    if (is_made)
+        message = PyBytes_FromStringAndSize((char *)scratch->bytes, (Py_ssize_t)scratch->size);
+    PyBuffer_Release(&buffer);
+    return message;
+}
+
+static PyObject *program_messages(PyObject *object, PyObject *payloads)
+{
+    if (!PyTuple_Check(payloads)) {
+        PyErr_SetString(PyExc_TypeError, "payloads must be a tuple");
+        return NULL;
+    }
+    const Py_ssize_t count = PyTuple_Size(payloads);
+    struct cdr scratch = {.room = LEAST_ROOM, .bytes = PyMem_Malloc(LEAST_ROOM)};
+    PyObject *messages = scratch.bytes == NULL ? PyErr_NoMemory() : PyList_New(count);
+    for (Py_ssize_t i = 0; messages != NULL && i < count; i++) {
+        PyObject *message = message_of((Program *)object, PyTuple_GetItem(payloads, i), &scratch);
+        if (message == NULL)
+            Py_CLEAR(messages);
+        else
+            PyList_SetItem(messages, i, message);
+    }
+    PyMem_Free(scratch.bytes);
+    return messages != NULL || PyErr_Occurred() ? messages : Py_NewRef(Py_None);
+}
+
 static PyObject *crc32_of(PyObject *Py_UNUSED(module), PyObject *args)
 {
     Py_buffer data;
@@ -147,7 +192,9 @@ static PyObject *crc32_of(PyObject *Py_UNUSED(module), PyObject *args)
 }
 
 static PyMethodDef methods[] = {
-    {"records", (PyCFunction)(void (*)(void))program_records, METH_FASTCALL, NULL}, {NULL, NULL, 0, NULL}};
+    {"records", (PyCFunction)(void (*)(void))program_records, METH_FASTCALL, NULL},
+    {"messages", program_messages, METH_O, NULL},
+    {NULL, NULL, 0, NULL}};
 
 static PyType_Slot slots[] = {
     {Py_tp_new, new_program}, {Py_tp_dealloc, free_program}, {Py_tp_methods, methods}, {0, NULL}};

@@ -37,7 +37,6 @@ class RecordedTopic:
         self.name = found.topic
         self.encoder, self.why_json = encoder_of(schema)
         self.encode: Callable[[Any], list[Any]] = self.encoder.encode
-        self.encode_many: Callable[[Iterable[Any]], list[bytes]] = self.encoder.encode_many
         self.program = program_of(self.encoder.shape) if isinstance(self.encoder, Codec) else None
         """Encodes messages in the native core; None if it can't."""
         self.schema = schema
@@ -58,6 +57,11 @@ class RecordedTopic:
         self.lost: dict[str, int] = {}
         """Messages lost after they were taken, by reason."""
         self._profiles: Counter[QoSProfile] = Counter()
+
+    def encode_many(self, payloads: tuple[Any, ...]) -> list[bytes]:
+        """CDR messages of short payloads. Raises CdrError if one of them does not have the type."""
+        made = None if self.program is None else self.program.messages(payloads)
+        return self.encoder.encode_many(payloads) if made is None else made
 
     def subscribed(self, subscription: Subscription[Any]) -> None:
         """Set the subscription from which messages come from now on."""

@@ -277,6 +277,9 @@ class TestHostilePacks:
             of = codec(["list", item])
             payload = msgspec.msgpack.encode([[value] * 10_000])
             assert records(of, *[payload] * 3) == expected(of, *[payload] * 3)
+            program = program_of(of.shape)
+            assert program is not None and program.messages((payload, b"")) is None
+            assert program.messages((payload, payload)) == of.encode_many([payload] * 2)
 
     def test_wrong_arguments(self) -> None:
         program = Program(TEXT)
@@ -291,6 +294,9 @@ class TestHostilePacks:
         ):
             with pytest.raises((TypeError, OverflowError)):
                 program.records(*wrong)
+        for payloads in ([b""], (1,), None):
+            with pytest.raises(TypeError):
+                program.messages(payloads)  # type: ignore[arg-type]
         with pytest.raises(TypeError):
             Program("text")  # type: ignore[arg-type]
 

@@ -42,12 +42,19 @@ class Counted:
 
 class World:
     """A pipeline with topics. If `is_slow` is true, every job on the disk waits. If `is_packed` is true,
-    messages that are put together are in one buffer."""
+    messages that are put together are in one buffer. Without `uses_core`, Python encodes them."""
 
     def __init__(
-        self, folder: Path, *, is_slow: bool = False, is_packed: bool = False, **options: Any
+        self,
+        folder: Path,
+        *,
+        is_slow: bool = False,
+        is_packed: bool = False,
+        uses_core: bool = True,
+        **options: Any,
     ) -> None:
         self._is_packed = is_packed
+        self._uses_core = uses_core
         self.may_write = threading.Event()
         self.progress = threading.Semaphore(0)
         self.rejected: list[str] = []
@@ -74,6 +81,8 @@ class World:
 
     def topic(self, name: str, *, is_latched: bool = False) -> RecordedTopic:
         topic = RecordedTopic(Found(name, SCHEMA.type_name, SCHEMA.type_hash), SCHEMA)
+        if not self._uses_core:
+            topic.program = None
         counted: Any = Counted()
         self._counted[name] = topic.subscription = counted
         topic.update_offers([QoSProfile(1, durability="transient_local") if is_latched else QoSProfile()])
@@ -248,15 +257,15 @@ def _story(world: World, *, has_snapshots: bool) -> dict[str, TopicLosses]:
 def test_the_same_files_from_buffers_as_one_by_one(tmp_path: Path, options: dict[str, Any]) -> None:
     """Byte for byte, with the same counters and the same refused messages."""
     found = []
-    for is_packed in (False, True):
-        folder = tmp_path / str(is_packed) / "walk"
+    for number, (uses_core, is_packed) in enumerate([(False, False), (True, False), (True, True)]):
+        folder = tmp_path / str(number) / "walk"
         folder.parent.mkdir()
-        world = World(folder, is_packed=is_packed, **options)
+        world = World(folder, is_packed=is_packed, uses_core=uses_core, **options)
         losses = _story(world, has_snapshots="is_snapshot" in options)
         files = {path.name: path.read_bytes() for path in folder.iterdir()}
         found.append((files, losses, world.rejected, world.splits, world.pipeline.written_bytes))
         assert world.bag.metadata.message_count > 100
-    assert found[0] == found[1]
+    assert found[0] == found[1] == found[2]
     assert found[0][1]["/topic"].lost.get("undecodable") == 4 or "is_snapshot" in options
 
 
