@@ -1,8 +1,9 @@
 /* CRC-32 of MCAP and zlib, several times as fast as zlib's, on x86-64 with PCLMULQDQ. No Python here.
  *
  * A polynomial of any length is folded: a carry-less product with x^n mod P moves 64 bits forward by n bits. Four
- * folds run side by side, or eight with wide registers. See "Fast CRC Computation for Generic Polynomials Using PCLMULQDQ Instruction" by Gopal et
- * al., Intel, 2009. A constant `by_n` is the pair x^(n+32) and x^(n-32) mod P, reflected and shifted by one bit.
+ * folds run side by side, or eight with wide registers. See "Fast CRC Computation for Generic Polynomials Using
+ * PCLMULQDQ Instruction" by Gopal et al., Intel, 2009. A constant `by_n` is the pair x^(n+32) and x^(n-32) mod P,
+ * reflected and shifted by one bit.
  */
 #ifndef BUS_BAG_CRC_H
 #define BUS_BAG_CRC_H
@@ -41,7 +42,10 @@ CRC_TARGET static inline __m128i crc_step(__m128i value, __m128i by, __m128i nex
     return _mm_xor_si128(_mm_xor_si128(low, high), next);
 }
 
-CRC_TARGET static inline __m128i crc_load(const uint8_t *at) { return _mm_loadu_si128((const __m128i *)(const void *)at); }
+CRC_TARGET static inline __m128i crc_load(const uint8_t *at)
+{
+    return _mm_loadu_si128((const __m128i *)(const void *)at);
+}
 
 /* Folds the rest of the bytes, a multiple of 16, into one CRC: from 128 bits to 64, then Barrett's reduction to 32. */
 CRC_TARGET static inline uint32_t crc_end(__m128i one, const uint8_t *at, size_t size)
