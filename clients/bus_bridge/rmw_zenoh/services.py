@@ -163,7 +163,8 @@ class RosServer:
         if question is None:
             return False
         head = attachment.write(request.number, time.time_ns(), request.client)
-        question.reply(self._key, cdr, head)
+        # In a thread: zenoh waits if the link has no room.
+        self._services.session.sending.add(lambda: question.reply(self._key, cdr, head), len(cdr))
         return True
 
     def drop(self, request: RequestId) -> None:

@@ -14,6 +14,7 @@ import zenoh
 import zenoh.ext
 from zenoh.handlers import Callback
 
+from bus_bridge.errors import BridgeError
 from bus_bridge.zenoh.options import ZenohOptions
 from bus_bridge.zenoh.session import Declared, Session, Source
 
@@ -62,11 +63,10 @@ class RosOutlet(Declared):
         self.is_wanted = False
         self.waits = waits
         self._ros_session = session
-        self._key = key
         self._kept = kept
         self._on_change = on_change
         self._listener: Any = None
-        super().__init__(session, self._declare_publisher)
+        super().__init__(session, lambda: session.declare_ros_publisher(key, kept, waits=waits))
 
     def put(self, payload: bytes, attachment: bytes) -> bool:
         """Send a message; False if there is no room."""
@@ -87,21 +87,22 @@ class RosOutlet(Declared):
         else:
             super().undeclare()
 
-    def _declare_publisher(self) -> Any:
-        publisher = self._ros_session.declare_ros_publisher(self._key, self._kept, waits=self.waits)
-        if self._kept is None:
+    def _make(self) -> None:
+        super()._make()
+        publisher = self._entity
+        if publisher is not None and self._kept is None:
+            self._listener = publisher.declare_matching_listener(
+                Callback(lambda status: self._session.call(self._look), indirect=False)
+            )
+        self._session.call(self._look)
 
-            def see(status: Any) -> None:
-                self._session.call(self._matched, bool(status.matching))
-
-            self._listener = publisher.declare_matching_listener(Callback(see, indirect=False))
-            self._session.call(self._matched, bool(publisher.matching_status.matching))
-        else:
-            self._session.call(self._matched, True)
-        return publisher
-
-    def _matched(self, is_wanted: bool) -> None:
-        if not self._is_gone and self._entity is not None and is_wanted != self.is_wanted:
+    def _look(self) -> None:
+        """Update `is_wanted`: the status now counts, since news may be late."""
+        publisher = self._entity
+        if publisher is None or self._is_gone:
+            return
+        is_wanted = self._kept is not None or bool(publisher.matching_status.matching)
+        if is_wanted != self.is_wanted:
             self.is_wanted = is_wanted
             self._on_change()
 
@@ -152,12 +153,12 @@ class Asking(Declared):
             except (zenoh.ZError, AttributeError):  # the session or the client is closed
                 call(on_end)
 
-        self._session.do(ask)
+        self._ros_session.sending.add(ask, len(payload))
         return lambda: self._session.do(token.cancel)
 
 
 class _Sending:
-    """A thread that puts messages of reliable publishers: it waits if a link has no room.
+    """A thread that sends messages of reliable publishers, requests and answers. It waits for room in a link.
 
     `on_room` is called on the loop when there is room again.
     """
@@ -169,6 +170,9 @@ class _Sending:
         self._bytes = 0
         self._blocked: dict[Callable[[], None], None] = {}
         self._is_closed = False
+
+    def open(self) -> None:
+        """Start. Raises RuntimeError if there is no thread for it."""
         threading.Thread(target=self._work, name="bus_bridge rmw_zenoh", daemon=True).start()
 
     def add(self, job: Callable[[], object], size: int, on_room: Callable[[], None] | None = None) -> bool:
@@ -195,8 +199,12 @@ class _Sending:
                 if self._is_closed:
                     return
                 job, size = self._waiting[0]
-            with suppress(zenoh.ZError):  # the publisher or the session is closed
+            try:
                 job()
+            except zenoh.ZError:
+                pass  # the publisher or the session is closed
+            except Exception as error:
+                self._session.report(error)
             with self._news:
                 self._waiting.popleft()
                 self._bytes -= size
@@ -219,12 +227,26 @@ class RosSession(Session):
             "transport/link/rx/max_message_size": _MOST_BYTES,
         }
         super().__init__(options, on_fault, settings)
-        self._sending: _Sending | None = None
+        self.sending = _Sending(self)
+        """The thread that waits for room in links."""
+
+    async def open(self) -> None:
+        """As Session."""
+        await super().open()
+        try:
+            self.sending.open()
+        except RuntimeError as error:
+            await super().close()
+            raise BridgeError(f"zenoh can't start a second thread: {error}") from None
 
     async def close(self) -> None:
-        if self._sending is not None:
-            self._sending.close()
+        """As Session. Messages that wait for room are lost."""
+        self.sending.close()
         await super().close()
+
+    def report(self, error: Exception) -> None:
+        """Report a bug in the bridge; may be used in any thread."""
+        self.call(self._on_fault, error)
 
     def hear(self, key: str, push: Push, *, with_history: bool) -> Declared:
         """Subscribe: zenoh's thread calls `push` with each message's payload and attachment.
@@ -265,13 +287,6 @@ class RosSession(Session):
                 allowed_origin=zenoh.Locality.REMOTE,
             ),
         )
-
-    @property
-    def sending(self) -> "_Sending":
-        """The thread for messages of reliable publishers."""
-        if self._sending is None:
-            self._sending = _Sending(self)
-        return self._sending
 
     # --- in the thread for declarations
 
