@@ -6,7 +6,7 @@ import sys
 from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import pytest
 
@@ -75,8 +75,8 @@ class Ros(NamedTuple):
     def domain(self) -> int:
         return _DOMAIN
 
-    def bridge(self, *arguments: str) -> Bridge:
-        where = ("--rmw", "zenoh", "--connect", self.router.address, "--domain-id", str(_DOMAIN))
+    def bridge(self, *arguments: str, by: Literal["--connect", "--router"] = "--connect") -> Bridge:
+        where = ("--rmw", "zenoh", by, self.router.address, "--domain-id", str(_DOMAIN))
         return self.side.bridge("ros2", "--id", "robot", *where, *arguments)
 
     def peer(self, name: str = "far", domain: int = _DOMAIN) -> Peer:

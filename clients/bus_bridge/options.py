@@ -69,6 +69,8 @@ class Ros2Table(BridgeTable, frozen=True, kw_only=True):
     """The middleware of ROS 2's nodes."""
     connect: tuple[str, ...] = ()
     """With zenoh: addresses of routers or nodes of ROS 2; by default the router of this machine."""
+    router: tuple[str, ...] = ()
+    """With zenoh: routers that pass on all messages; one of them is used, instead of `connect`."""
     listen: tuple[str, ...] = ()
     """With zenoh: addresses to listen on; by default loopback, any port."""
     insecure: bool | None = None

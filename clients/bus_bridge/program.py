@@ -104,7 +104,7 @@ def _links(
 
 def _plan_ros2(table: Ros2Table) -> tuple[_MakeEngine, list[str]]:
     only_dds = ("interface", "peers", "distro", "carrier")
-    only_zenoh = ("connect", "listen", "insecure", "tls")
+    only_zenoh = ("connect", "router", "listen", "insecure", "tls")
     is_zenoh = table.rmw == "zenoh"
     for key in only_dds if is_zenoh else only_zenoh:
         if getattr(table, key) != getattr(_NOTHING, key):
@@ -119,12 +119,13 @@ def _plan_rmw_zenoh(table: Ros2Table) -> tuple[_MakeEngine, list[str]]:
     from bus_bridge.rmw_zenoh.engine import RmwZenohEngine
     from bus_bridge.rmw_zenoh.options import ROUTER, RmwZenohOptions, check
 
-    connect = table.connect or (() if table.listen else (ROUTER,))
-    options = RmwZenohOptions(_links(table.listen, connect, table), table.domain_id)
+    connect = table.connect or (() if table.listen or table.router else (ROUTER,))
+    options = RmwZenohOptions(_links(table.listen, connect, table, table.router), table.domain_id)
     check(options)
     places = [f"in ROS 2's domain {options.domain}, on zenoh"]
     places += [f"listening on {place}" for place in table.listen]
     places += [f"connecting to {place}" for place in connect]
+    places += [f"connecting to the router at {place}" for place in table.router]
     return lambda bus: RmwZenohEngine(bus, options), places
 
 

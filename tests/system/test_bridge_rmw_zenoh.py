@@ -2,7 +2,7 @@
 
 import asyncio
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args
 
 import msgspec
 import pytest
@@ -18,6 +18,8 @@ from rmw_zenoh_bridged import Ros, ask, kind_of, message_codec, ros, service_cod
 
 __all__ = ["ros"]
 
+Way = Literal["--connect", "--router"]
+WAYS = pytest.mark.parametrize("by", get_args(Way))
 STRING = kind_of("std_msgs/msg/String")
 SET_BOOL = service_kind("std_srvs/srv/SetBool")
 LIST = "rcl_interfaces/srv/ListParameters"
@@ -85,9 +87,10 @@ async def test_missing_numbers_are_losses(ros: Ros) -> None:
     assert "they have no attachment of ROS 2's rmw_zenoh" in bridge.log.read_text()
 
 
+@WAYS
 @on_one_loop
-async def test_a_publisher_of_the_bus_is_heard(ros: Ros) -> None:
-    ros.bridge()
+async def test_a_publisher_of_the_bus_is_heard(ros: Ros, by: Way) -> None:
+    ros.bridge(by=by)
     with ros.peer() as far:
         async with ros.side.node("talker", namespace="/ns") as node:
             publisher = await node.create_publisher(String, "/chatter", 1000)
@@ -107,9 +110,10 @@ async def test_a_publisher_of_the_bus_is_heard(ros: Ros) -> None:
         await until(lambda: not [one for one in far.ask("tokens") if "talker" in one])
 
 
+@WAYS
 @on_one_loop
-async def test_late_joiners_get_the_history_in_both_directions(ros: Ros) -> None:
-    ros.bridge()
+async def test_late_joiners_get_the_history_in_both_directions(ros: Ros, by: Way) -> None:
+    ros.bridge(by=by)
     latched = bus.QoSProfile(3, durability="transient_local")
     heard: list[list[str]] = [[], []]
     with ros.peer() as far:
@@ -152,9 +156,10 @@ async def test_nothing_of_a_lossless_publisher_is_lost(ros: Ros) -> None:
         assert [one["number"] for one in found] == [*range(1, 3001)], bridge.status()
 
 
+@WAYS
 @on_one_loop
-async def test_ros_2_calls_a_server_of_the_bus(ros: Ros) -> None:
-    bridge = ros.bridge()
+async def test_ros_2_calls_a_server_of_the_bus(ros: Ros, by: Way) -> None:
+    bridge = ros.bridge(by=by)
 
     def answer(request: SetBool.Request) -> SetBool.Response:
         return SetBool.Response(success=request.data, message="here")
@@ -172,9 +177,10 @@ async def test_ros_2_calls_a_server_of_the_bus(ros: Ros) -> None:
     await until(lambda: "gets no answer" in bridge.log.read_text())
 
 
+@WAYS
 @on_one_loop
-async def test_the_bus_calls_a_server_of_ros_2(ros: Ros) -> None:
-    ros.bridge()
+async def test_the_bus_calls_a_server_of_ros_2(ros: Ros, by: Way) -> None:
+    ros.bridge(by=by)
     answer = cdr(_ANSWER, True, "there")
     async with ros.side.node("client") as node:
         client = await node.create_client(SetBool, "/theirs")
@@ -290,9 +296,10 @@ async def test_the_bus_sends_a_goal_to_an_action_of_ros_2(ros: Ros, fibonacci: A
             assert (await goal.result()).sequence == [5, 8]
 
 
+@WAYS
 @on_one_loop
-async def test_the_router_and_the_bridge_come_back(ros: Ros) -> None:
-    bridge = ros.bridge()
+async def test_the_router_and_the_bridge_come_back(ros: Ros, by: Way) -> None:
+    bridge = ros.bridge(by=by)
     heard: list[str] = []
     with ros.peer() as far:
         async with ros.side.node("listener") as node:

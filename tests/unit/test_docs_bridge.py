@@ -34,7 +34,7 @@ def test_every_key_is_there() -> None:
     assert keys_in("Rules") == common | {field.name for field in structs.fields(TopicRule)}
     assert keys_in("zenoh") == zenoh
     ros2 = {field.name for field in structs.fields(Ros2Table)} - common - {"tls"} | tls
-    on_zenoh = {"rmw", "connect", "listen", "insecure"} | tls
+    on_zenoh = {"rmw", "connect", "router", "listen", "insecure"} | tls
     assert keys_in("ROS 2 on zenoh (rmw_zenoh)") == on_zenoh
     assert keys_in("ROS 2 (DDS)") == ros2 - on_zenoh
 

@@ -2,6 +2,7 @@
 `bus_bridge.zenoh.session`.
 
 It has the settings of rmw_zenoh: a peer with timestamps. It finds other peers through its router by gossip.
+With `router` it is a client of that router instead.
 """
 
 import threading
@@ -220,12 +221,12 @@ class RosSession(Session):
 
     def __init__(self, options: ZenohOptions, on_fault: Callable[[Exception], None]) -> None:
         settings: dict[str, object] = {
-            "mode": "peer",
-            "scouting/gossip/enabled": True,
-            "listen/endpoints": list(options.listen) or [_LOOPBACK],
             "timestamping/enabled": True,
             "transport/link/rx/max_message_size": _MOST_BYTES,
         }
+        if not options.router:
+            settings["scouting/gossip/enabled"] = True
+            settings["listen/endpoints"] = list(options.listen) or [_LOOPBACK]
         super().__init__(options, on_fault, settings)
         self.sending = _Sending(self)
         """The thread that waits for room in links."""

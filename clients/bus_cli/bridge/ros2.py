@@ -52,6 +52,12 @@ def add_arguments(parser: ArgumentParser) -> None:
         help="a router or node of ROS 2 (default: tcp/localhost:7447); may be given several times",
     )
     group.add_argument(
+        "--router",
+        action="append",
+        metavar="ADDRESS",
+        help="a router, as on another machine, that passes on all messages; of several, one is used",
+    )
+    group.add_argument(
         "--listen",
         action="append",
         metavar="ADDRESS",
@@ -71,6 +77,7 @@ def main(args: Namespace) -> int:
         "carrier": args.carrier,
         "rmw": args.rmw,
         "connect": args.connect,
+        "router": args.router,
         "listen": args.listen,
         "insecure": args.insecure,
         "tls": tls_of(args),

@@ -160,7 +160,7 @@ def test_refusals(file: Path, text: str, said: str) -> None:
         ("domain_id = 233", "bridge.ros2.domain_id = 233: expected `int` <= 232"),
         ("distro = 'jazzy'", "bridge.ros2.distro = 'jazzy': expected one of auto, humble"),
         ("listen = 'tcp/x'", "bridge.ros2.listen: address 'tcp/x' must end with a host and a port"),
-        ("router = 'tcp/x'", "unknown key 'bridge.ros2.router' (known: "),
+        ("port = 7447", "unknown key 'bridge.ros2.port' (known: "),
         ("rmw = 'fastrtps'", "bridge.ros2.rmw = 'fastrtps': expected one of dds, zenoh"),
         ("peer = '10.0.0.7'", "unknown key 'bridge.ros2.peer'; did you mean 'peers'?"),
         ("peers = ['localhost', '']", "bridge.ros2.peers: '' is not the address of a machine"),

@@ -70,6 +70,10 @@ def test_what_can_t_be_of_dds(table: BridgeTable, said: str) -> None:
         ),
         (Ros2Table(rmw="zenoh", interface="eth0"), "'interface' is an option of ROS 2 on dds: --rmw dds"),
         (Ros2Table(rmw="zenoh", connect=("tcp/10.0.0.2:7447",)), "is not protected"),
+        (
+            Ros2Table(rmw="zenoh", connect=PLACE, router=PLACE),
+            "--router and --connect can't be given together",
+        ),
     ],
 )
 def test_what_can_t_be_of_ros_2_on_zenoh(table: BridgeTable, said: str) -> None:
