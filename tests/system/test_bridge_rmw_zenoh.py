@@ -322,6 +322,25 @@ async def test_the_router_and_the_bridge_come_back(ros: Ros, by: Way) -> None:
 
 
 @on_one_loop
+async def test_a_rule_sets_the_priority(ros: Ros, tmp_path: Path) -> None:
+    file = tmp_path / "rules.toml"
+    rules = [f'[[bridge.ros2.topics]]\npattern = "/{name}"\npriority = "real_time"' for name in ("a", "b")]
+    file.write_text("\n".join(rules))
+    ros.bridge("--config", str(file))
+    with ros.peer() as far:
+        async with ros.side.node("talker") as node:
+            for name, durability in (("a", "volatile"), ("b", "transient_local"), ("c", "volatile")):
+                qos = bus.QoSProfile(durability=durability)
+                publisher = await node.create_publisher(String, f"/{name}", qos)
+                await ask(far, "listen", topic=f"/{name}", **STRING)
+                await publisher.wait_for_subscriptions()
+                publisher.publish(String(data="x"))
+                (message,) = await asyncio.to_thread(far.wait, f"/{name}")
+                expected = "DATA" if name == "c" else "REAL_TIME"
+                assert message["priority"].rpartition(".")[2] == expected, message
+
+
+@on_one_loop
 async def test_a_session_that_exceeds_a_limit_is_refused_alone(ros: Ros) -> None:
     bridge = ros.bridge()
     with ros.peer("calm") as calm, ros.peer("crowd") as crowd:

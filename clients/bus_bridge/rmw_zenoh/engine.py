@@ -32,7 +32,6 @@ from bus_bridge.rmw_zenoh.keys import (
     NodeToken,
     all_tokens,
     data_key,
-    gid_of,
     write_endpoint,
     write_node,
 )
@@ -153,14 +152,13 @@ class RmwZenohEngine:
                 "ROS 2 sees publishers with manual liveliness as automatic: their assertions do not cross"
             )
         kind = endpoint.topic, known.codec.type_name, known.codec.type_hash
-        token = self._make_token(endpoint.node, "MP", *kind, endpoint.qos)
         made = RosWriter(
             session,
             data_key(self._domain, *kind),
-            gid_of(token),
-            lambda: session.token(token),
+            self._make_token(endpoint.node, "MP", *kind, endpoint.qos),
             known,
             endpoint.qos,
+            rule.priority,
             on_change,
             self._writers.discard,
         )

@@ -37,6 +37,7 @@ _NODE_PARTS: Final = 9
 _ENDPOINT_PARTS: Final = 13
 _SESSION: Final = re.compile(r"[0-9a-f]{1,32}", re.ASCII)
 _NUMBER: Final = re.compile(r"[0-9]{1,20}", re.ASCII)
+_HASH: Final = re.compile(r"\w{1,100}", re.ASCII)
 _LOW: Final = 2**64 - 1
 
 
@@ -109,7 +110,7 @@ def parse_token(key: str) -> NodeToken | EndpointToken | None:
         return None
     topic, dds_type, type_hash, qos = parts[_NODE_PARTS:_ENDPOINT_PARTS]
     type_name, profile = type_from_dds(dds_type), qos_text.read(qos)
-    if type_name is None or profile is None:
+    if type_name is None or profile is None or not _HASH.fullmatch(type_hash):
         return None
     match kind:
         case "MP" | "MS" | "SS" | "SC":

@@ -15,9 +15,10 @@ import zenoh
 import zenoh.ext
 from zenoh.handlers import Callback
 
+from bus_bridge.engine import Priority
 from bus_bridge.errors import BridgeError
 from bus_bridge.zenoh.options import ZenohOptions
-from bus_bridge.zenoh.session import Declared, Session, Source
+from bus_bridge.zenoh.session import PRIORITIES, Declared, Session, Source
 
 __all__ = ["Asking", "Question", "RosOutlet", "RosSession"]
 
@@ -59,7 +60,14 @@ class RosOutlet(Declared):
     """
 
     def __init__(
-        self, session: "RosSession", key: str, on_change: Callable[[], None], kept: int | None, *, waits: bool
+        self,
+        session: "RosSession",
+        key: str,
+        on_change: Callable[[], None],
+        kept: int | None,
+        priority: Priority = "data",
+        *,
+        waits: bool,
     ) -> None:
         self.is_wanted = False
         self.waits = waits
@@ -67,7 +75,7 @@ class RosOutlet(Declared):
         self._kept = kept
         self._on_change = on_change
         self._listener: Any = None
-        super().__init__(session, lambda: session.declare_ros_publisher(key, kept, waits=waits))
+        super().__init__(session, lambda: session.declare_ros_publisher(key, kept, priority, waits=waits))
 
     def put(self, payload: bytes, attachment: bytes) -> bool:
         """Send a message; False if there is no room."""
@@ -291,12 +299,13 @@ class RosSession(Session):
 
     # --- in the thread for declarations
 
-    def declare_ros_publisher(self, key: str, kept: int | None, *, waits: bool) -> Any:
+    def declare_ros_publisher(self, key: str, kept: int | None, priority: Priority, *, waits: bool) -> Any:
         control = zenoh.CongestionControl.BLOCK if waits else zenoh.CongestionControl.DROP
         if kept is None:
             return self._zenoh.declare_publisher(
                 key,
                 congestion_control=control,
+                priority=PRIORITIES[priority],
                 express=True,
                 allowed_destination=zenoh.Locality.REMOTE,
             )
@@ -304,6 +313,7 @@ class RosSession(Session):
             self._zenoh,
             key,
             congestion_control=control,
+            priority=PRIORITIES[priority],
             express=True,
             allowed_destination=zenoh.Locality.REMOTE,
             cache=zenoh.ext.CacheConfig(kept),

@@ -3,12 +3,13 @@
 from collections.abc import Callable
 
 from bus.qos import Durability, QoSProfile, Reliability
+from bus_bridge.engine import Priority
 from bus_bridge.rmw_zenoh import attachment
+from bus_bridge.rmw_zenoh.keys import gid_of
 from bus_bridge.rmw_zenoh.session import RosOutlet, RosSession
 from bus_bridge.ros2 import samples
 from bus_bridge.ros2.known_types import KnownType
 from bus_bridge.ros2.route_out import RouteOut
-from bus_bridge.zenoh.session import Declared
 
 __all__ = ["RosWriter"]
 
@@ -23,21 +24,21 @@ class RosWriter(RouteOut):
         self,
         session: RosSession,
         key: str,
-        gid: bytes,
-        token: Callable[[], Declared],
+        token: str,
         known: KnownType,
         qos: QoSProfile,
+        priority: Priority,
         on_change: Callable[[], None],
         on_close: Callable[[RouteOut], object],
     ) -> None:
         super().__init__(known, on_change, on_close)
-        self.gid = gid
+        self.gid = gid_of(token)
         self._number = 0
         kept = qos.depth or _MOST_KEPT if qos.durability is Durability.TRANSIENT_LOCAL else None
         # Otherwise zenoh drops what its queue has no room for, and reports nothing.
         waits = qos.reliability is Reliability.RELIABLE
-        self._outlet = RosOutlet(session, key, self._outlet_changed, kept, waits=waits)
-        self._token = token()  # after the publisher, as in rmw_zenoh
+        self._outlet = RosOutlet(session, key, self._outlet_changed, kept, priority, waits=waits)
+        self._token = session.token(token)  # after the publisher, as in rmw_zenoh
 
     def _outlet_changed(self) -> None:
         if self.is_closed:

@@ -27,7 +27,7 @@ from bus_bridge.errors import BridgeError
 from bus_bridge.zenoh.options import ZenohOptions
 from bus_bridge.zenoh.sockets import give_up_in_time
 
-__all__ = ["Declared", "Link", "Outlet", "Query", "Session", "Source"]
+__all__ = ["PRIORITIES", "Declared", "Link", "Outlet", "Query", "Session", "Source"]
 
 _T = TypeVar("_T")
 
@@ -45,7 +45,7 @@ _MAX_QUESTION_BYTES = 64
 _LEAST_DESCRIPTORS = 64
 _ROUTER_S = 0.5  # zenoh opens a client only with a router; a short timeout reports errors in options sooner
 _AT_ONCE = 64  # items that one source passes on in a turn of the loop
-_PRIORITIES: dict[Priority, Any] = {
+PRIORITIES: dict[Priority, Any] = {
     "real_time": zenoh.Priority.REAL_TIME,
     "interactive_high": zenoh.Priority.INTERACTIVE_HIGH,
     "interactive_low": zenoh.Priority.INTERACTIVE_LOW,
@@ -377,7 +377,7 @@ class Session:
         return self._zenoh.declare_publisher(
             key,
             congestion_control=zenoh.CongestionControl.DROP,
-            priority=_PRIORITIES[priority],
+            priority=PRIORITIES[priority],
             express=True,  # batches are packed already: to wait for more messages costs about 70 us
             allowed_destination=zenoh.Locality.REMOTE,
         )
@@ -532,7 +532,7 @@ def _config(options: ZenohOptions, zenoh_id: str, more: Mapping[str, object]) ->
         "transport/link/tx/queue/congestion_control/drop/wait_before_drop": _WAIT_BEFORE_DROP_US,
         "transport/link/rx/max_message_size": _MAX_MESSAGE_BYTES,
     }
-    for priority in ("control", *_PRIORITIES):
+    for priority in ("control", *PRIORITIES):
         settings[f"transport/link/tx/queue/size/{priority}"] = _QUEUE_BATCHES
     if options.certificate:
         tls = "transport/link/tls"

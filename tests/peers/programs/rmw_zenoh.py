@@ -116,6 +116,7 @@ class Peer:
         def hear(sample: Any) -> None:
             number, time_ns, gid = read_attachment(sample.attachment)
             message = {"cdr": sample.payload.to_bytes().hex(), "number": number, "gid": gid.hex()}
+            message["priority"] = str(sample.priority)
             tell(heard=topic, message=message, source_time_ns=time_ns)
 
         if history:

@@ -93,6 +93,7 @@ def test_nodes_of_different_sessions_numbers_and_names_have_different_keys() -> 
         SERVER.replace("SS", "XX"),
         SERVER.replace("dds_", "dds"),
         SERVER.replace("::,10", "x:,10"),
+        SERVER.replace("RIHS01_", "RIHS01 "),
         f"{NODE}{4096 * 'x'}",
     ],
 )
