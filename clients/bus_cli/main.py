@@ -116,7 +116,7 @@ COMMANDS: dict[str, tuple[str, dict[str, str]]] = {
     "bridge": (
         "Join the bus of this machine with others",
         {
-            "ros2": "Join the bus with ROS 2, by DDS, until Ctrl-C",
+            "ros2": "Join the bus with ROS 2, by DDS or zenoh, until Ctrl-C",
             "status": "Output links, routes and counters of bridges",
             "zenoh": "Join the buses of several machines, by zenoh, until Ctrl-C",
         },
