@@ -137,7 +137,7 @@ COMMANDS: dict[str, tuple[str, dict[str, str]]] = {
     "interface": (
         "Show information about ROS interfaces",
         {
-            "c": "Output a C header for a message type",
+            "c": "Output a C header for a message or a service",
             "list": "List all interface types available",
             "package": "Output a list of available interface types within one package",
             "packages": "Output a list of packages that provide interfaces",

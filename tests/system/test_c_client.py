@@ -305,18 +305,18 @@ async def test_a_publisher_that_refuses_a_subscription_in_c(
     monkeypatch.setattr(segments, "map_readers", refuse)
     publisher = await node.create_publisher(String, "/t", KEEP_ALL)
     async with peer(programs, tmp_path, "listen", "/t", "keep_all") as listener:
-        count = 0
-        while count < 300 or publisher.matches[0].route != "socket":
-            await publisher.send(text(count))
+        for number in range(300):
+            await publisher.send(text(number))
             await asyncio.sleep(0)
-            count += 1
-        await publisher.send(text(count))
-        await listener.line(f"^{count} ")
-        await until_account(node, "/t", count + 1)
+        number, route = 299, ""
+        while route != "socket":
+            number += 1
+            await publisher.send(text(number))
+            route = (await listener.line(rf"^{number} \d+ (\w+)"))[1]
+        await until_account(node, "/t", number + 1)
         statistics = await listener.finish()
-    assert listener.numbers == [*range(count + 1)]
-    assert listener.program.lines[-2].endswith(" socket")
-    assert (statistics["expected"], statistics["by_ring"]) == (count + 1, 0)
+    assert listener.numbers == [*range(number + 1)]
+    assert (statistics["expected"], statistics["by_ring"]) == (number + 1, 0)
 
 
 async def test_the_account_of_a_stopped_subscription_closes(

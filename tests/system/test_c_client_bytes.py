@@ -14,7 +14,8 @@ import bus
 import c_programs
 from bus.types.definitions import names
 from bus.types.support import find_type
-from bus_cli.interface.c_header import c_name, header
+from bus_cli.interface.c import header_of
+from bus_cli.interface.c_header import c_name
 
 FRAMES = json.loads((c_programs.ROOT / "docs" / "assets" / "frames.json").read_text())
 HEAD_BYTES = 8
@@ -125,18 +126,21 @@ def test_random_bytes_do_no_harm(programs: Path) -> None:
 
 @pytest.fixture(scope="session")
 def every_type(programs: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[str]]:
-    """One program that decodes and encodes every type, and the types in its order."""
+    """One program that decodes and encodes every type, and the types in its order. It has the headers of all
+    services, too."""
     types = names("msg")
     folder = tmp_path_factory.mktemp("types")
     texts, rows = [], []
     for name in types:
-        schema = bus.MessageSchema.of(class_of(name))
-        texts.append(header(schema.description, name, schema.type_hash, schema.encoded))
+        texts.append(header_of(name))
         texts.append(READ.format(name=c_name(name)))
         rows.append(f"    {{&{c_name(name)}__type, take_{c_name(name)}}},")
+    texts += [header_of(name) for name in names("srv")]
     source = folder / "types.c"
     source.write_text("\n".join(texts) + MAIN.format(rows="\n".join(rows)))
-    c_programs.compile_c(programs, source, folder / "types", "-O0", "-g0", "-Wno-unused-function")
+    c_programs.compile_c(
+        programs, source, folder / "types", "-O0", "-g0", "-Wno-unused-function", "-Wno-unused-variable"
+    )
     return folder / "types", types
 
 

@@ -19,7 +19,7 @@ from semantics import KEEP_ALL, node
 __all__ = ["node"]
 
 PAGE = (c_programs.ROOT / "docs" / "c.md").read_text()
-C_PROGRAM, C_FUNCTION = re.findall(r"```c\n(.*?)```", PAGE, re.DOTALL)
+C_PROGRAM, C_IMAGE, C_SERVICE = re.findall(r"```c\n(.*?)```", PAGE, re.DOTALL)
 (CPP_PROGRAM,) = re.findall(r"```cpp\n(.*?)```", PAGE, re.DOTALL)
 
 
@@ -84,7 +84,9 @@ async def test_the_page_in_its_steps(node: bus.Node, programs: Path, tmp_path: P
 
 def test_the_functions_of_the_page_compile(programs: Path, tmp_path: Path) -> None:
     source = tmp_path / "image.c"
-    source.write_text(f'#include "sensor_msgs/msg/Image.h"\n{C_FUNCTION}')
+    headers = ("sensor_msgs/msg/Image", "example_interfaces/srv/AddTwoInts")
+    includes = [f'#include "{header}.h"' for header in headers]
+    source.write_text("\n".join([*includes, C_IMAGE, C_SERVICE]))
     c_programs.compile_c(programs, source, tmp_path / "image.o", "-c", "-Wno-unused-function")
 
 

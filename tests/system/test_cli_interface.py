@@ -164,7 +164,14 @@ def test_c_writes_a_file(tmp_path: Path) -> None:
     assert result.err.startswith(f"can't write {tmp_path}/file/demo/msg/Spoke.h: ")
 
 
-def test_c_is_for_messages() -> None:
-    result = bus("interface", "c", "demo/srv/Turn")
+def test_c_is_not_for_actions() -> None:
+    result = bus("interface", "c", "example_interfaces/action/Fibonacci")
     assert result.code == 1
-    assert result.err.startswith("demo/srv/Turn is no message type")
+    assert result.err.startswith("example_interfaces/action/Fibonacci is no message and no service; ")
+
+
+def test_c_is_for_services() -> None:
+    lines = bus("interface", "c", "demo/srv/Turn").out.splitlines()
+    assert "} demo__srv__Turn_Request;" in lines
+    assert "static const busd_service_type demo__srv__Turn__service = {" in lines
+    assert lines[-3:] == ["BUSD_SERVICE(demo__srv__Turn)", "", "#endif"]

@@ -1,4 +1,4 @@
-"""`bus interface c`: a C header for a message type."""
+"""`bus interface c`: a C header for a message or a service."""
 
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
@@ -13,14 +13,14 @@ def add_arguments(parser: ArgumentParser) -> None:
         "--output",
         type=Path,
         metavar="FOLDER",
-        help="Write FOLDER/PKG/msg/Type.h and print its path. Default: the header on stdout",
+        help="Write FOLDER/TYPE.h and print its path. Default: the header on stdout",
     )
-    add_type(parser, "A message type (e.g. 'std_msgs/msg/String')")
+    add_type(parser, "A message or a service (e.g. 'std_msgs/msg/String')")
 
 
 def main(args: Namespace) -> int:
     name = given_name(args.type)
-    text = _header(name)
+    text = header_of(name)
     if args.output is None:
         say(text.rstrip("\n"))
         return 0
@@ -34,18 +34,40 @@ def main(args: Namespace) -> int:
     return 0
 
 
-def _header(name: str) -> str:
-    from bus.schema import MessageSchema
-    from bus.types.support import find_type
-    from bus_cli.interface.c_header import UnsupportedType, header
+def header_of(name: str) -> str:
+    """The text of the header of a message or a service. Raises CommandError for another definition."""
+    from bus_cli.interface.c_header import UnsupportedType
 
-    if name.split("/")[1] != "msg":
-        raise CommandError(f"{name} is no message type; `bus interface c` writes headers of message types")
-    message_type = find_type(name)
-    if message_type is None:
-        raise CommandError(f"{name} has no definition")
-    schema = MessageSchema.of(message_type)
+    kind = name.split("/")[1]
+    if kind not in ("msg", "srv"):
+        raise CommandError(f"{name} is no message and no service; `bus interface c` writes headers of these")
     try:
-        return header(schema.description, schema.type_name, schema.type_hash, schema.encoded)
+        return _of_message(name) if kind == "msg" else _of_service(name)
     except UnsupportedType as error:
         raise CommandError(str(error)) from None
+
+
+def _of_message(name: str) -> str:
+    from bus.schema import MessageSchema
+    from bus.types.classes import message_class
+    from bus_cli.interface.c_header import Described, header
+
+    schema = MessageSchema.of(message_class(name))
+    return header(schema.description, Described(name, schema.type_hash, schema.encoded))
+
+
+def _of_service(name: str) -> str:
+    from bus.types.classes import service_class
+    from bus.types.service import ServiceSupport
+    from bus_cli.interface.c_header import Described, service_header
+
+    support = ServiceSupport(service_class(name))
+    requests, replies = support.requests, support.replies(b"")
+    return service_header(
+        name,
+        (support.request.schema, support.response.schema),
+        (
+            Described(requests.name, requests.hash, requests.description),
+            Described(replies.name, replies.hash, replies.description),
+        ),
+    )

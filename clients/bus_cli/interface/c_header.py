@@ -8,7 +8,7 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple, TypeAlias
 
-__all__ = ["UnsupportedType", "c_name", "header"]
+__all__ = ["Described", "UnsupportedType", "c_name", "header", "service_header"]
 
 FieldType: TypeAlias = str | Sequence[Any]
 
@@ -47,32 +47,68 @@ class _Form(NamedTuple):
     get: str
 
 
+class Described(NamedTuple):
+    """A type as busd knows it: name, hash, and the schema as MessagePack."""
+
+    name: str
+    hash: str
+    schema: bytes
+
+
 def c_name(type_name: str) -> str:
     """The name of the struct: `std_msgs/msg/String` is `std_msgs__msg__String`."""
     return type_name.replace("/", "__")
 
 
-def header(description: Mapping[str, Any], type_name: str, type_hash: str, schema: bytes) -> str:
+def header(description: Mapping[str, Any], described: Described) -> str:
     """The text of the header of a type, with all types that it needs. Raises UnsupportedType."""
-    types = description["types"]
-    lines = [
-        f"/* {type_name}, made by `bus interface c`. */",
-        f"#ifndef BUSD_HEADER_{c_name(type_name)}",
-        f"#define BUSD_HEADER_{c_name(type_name)}",
-        "",
-        "#include <busd/types.h>",
-        "",
-    ]
-    for name in _in_order(types, description["root"]):
-        lines += [*_struct(name, types[name]), ""]
+    lines = _structs(description)
+    lines += [*_schema(described), f"static const busd_type {c_name(described.name)}__type ="]
+    lines += [f"    {_type(described)};", "", f"BUSD_MESSAGE({c_name(described.name)})", ""]
+    return _guarded(described.name, lines)
+
+
+def service_header(
+    name: str, bodies: Sequence[Mapping[str, Any]], envelopes: tuple[Described, Described]
+) -> str:
+    """The same of a service. `bodies`: descriptions of the request and of the response."""
+    lines = [line for body in bodies for line in _structs(body)]
+    for envelope in envelopes:
+        lines += _schema(envelope)
+    lines += [f"static const busd_service_type {c_name(name)}__service = {{"]
     lines += [
-        *_description(type_name, type_hash, schema),
+        *(f"    {_type(envelope)}," for envelope in envelopes),
+        "};",
         "",
-        f"BUSD_MESSAGE({c_name(type_name)})",
+        f"BUSD_SERVICE({c_name(name)})",
         "",
-        "#endif",
     ]
-    return "\n".join(lines) + "\n"
+    return _guarded(name, lines)
+
+
+def _guarded(name: str, lines: Sequence[str]) -> str:
+    guard = f"BUSD_HEADER_{c_name(name)}"
+    first = f"/* {name}, made by `bus interface c`. */"
+    return "\n".join(
+        [
+            first,
+            f"#ifndef {guard}",
+            f"#define {guard}",
+            "",
+            "#include <busd/types.h>",
+            "",
+            *lines,
+            "#endif",
+            "",
+        ]
+    )
+
+
+def _structs(description: Mapping[str, Any]) -> list[str]:
+    types = description["types"]
+    return [
+        line for name in _in_order(types, description["root"]) for line in (*_struct(name, types[name]), "")
+    ]
 
 
 def _in_order(types: Mapping[str, Any], name: str, found: dict[str, None] | None = None) -> Iterator[str]:
@@ -137,14 +173,16 @@ def _struct(name: str, description: Mapping[str, Any]) -> Iterator[str]:
     yield "#endif"
 
 
-def _description(type_name: str, type_hash: str, schema: bytes) -> Iterator[str]:
-    struct = c_name(type_name)
-    yield f"static const unsigned char {struct}__schema[] = {{"
-    for start in range(0, len(schema), _LINE_BYTES):
-        yield "    " + " ".join(f"0x{byte:02x}," for byte in schema[start : start + _LINE_BYTES])
+def _schema(described: Described) -> Iterator[str]:
+    yield f"static const unsigned char {c_name(described.name)}__schema[] = {{"
+    for start in range(0, len(described.schema), _LINE_BYTES):
+        yield "    " + " ".join(f"0x{byte:02x}," for byte in described.schema[start : start + _LINE_BYTES])
     yield "};"
-    yield f"static const busd_type {struct}__type = {{"
-    yield f'    "{type_name}", "{type_hash}", {struct}__schema, sizeof {struct}__schema}};'
+
+
+def _type(described: Described) -> str:
+    schema = f"{c_name(described.name)}__schema"
+    return f'{{"{described.name}", "{described.hash}", {schema}, sizeof {schema}}}'
 
 
 def _member(name: str) -> str:

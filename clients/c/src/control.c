@@ -243,7 +243,9 @@ int control_take(busd_bus *bus, const unsigned char *bytes, size_t size)
     int status = 0;
     if (handler != NULL) {
         find_endpoint(&m, handler);
+        bus->turns++; /* callbacks may destroy what the handler uses */
         status = handler->take(&m);
+        bus->turns--;
     }
     for (unsigned i = 0; i < m.count; i++)
         if (m.fds[i] >= 0)

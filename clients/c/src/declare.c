@@ -15,8 +15,6 @@
 
 #include "internal.h"
 
-void sweep_unless_in_turn(busd_bus *bus);
-
 /* --- requests and answers */
 
 /* Waits for the answer to `request`. 0, or -errno with the reason in `error`. */
@@ -322,6 +320,7 @@ void busd_node_destroy(busd_node *node)
     flush(bus);
     report_send(bus);
     bus->turns++; /* one sweep at the end */
+    services_close(node);
     for (busd_publisher *p = bus->publishers; p != NULL; p = p->next)
         if (p->end.node == node)
             busd_publisher_destroy(p);

@@ -11,6 +11,7 @@
  *     subscription.c   the calls of a subscription
  *     sources.c        its publishers, and their rings
  *     inbox.c          its samples by socket, acknowledgements
+ *     services.c       servers and clients of services
  *     reports.c        counters for busd
  *     segment.c        memory and doorbells
  *     headroom.c       how much memory may be used
@@ -29,6 +30,7 @@
 
 #include "busd/busd.h"
 #include "busd/pack.h"
+#include "busd/types.h"
 
 /* clients/bus/shm: the core of shared memory, as the library for Python uses it */
 #include "doorbell.h"
@@ -226,6 +228,37 @@ struct busd_subscription {
     unsigned char scratch[COPY_BYTES + 8];
 };
 
+/* --- services */
+
+/* A call: pending at its client, or open at its server. */
+struct call {
+    struct call *next;
+    busd_call id;
+    busd_answer *answer;
+    void *user;
+    bool is_unsure; /* the connection was lost meanwhile */
+};
+
+struct service {
+    struct service *next;
+    busd_node *node;
+    busd_publisher *publisher;
+    busd_subscription *subscription;
+    struct call *calls;
+    bool is_client, is_closed;
+};
+
+struct busd_server {
+    struct service service; /* first */
+    busd_serve *serve;
+    void *user;
+};
+
+struct busd_client {
+    struct service service; /* first */
+    uint64_t numbers;
+};
+
 /* --- the connection */
 
 enum timer { PING, REPORT, RETRY, STALE, SWEEP, ACK, FLUSH, HELLO, TIMERS };
@@ -259,6 +292,7 @@ struct busd_bus {
     busd_node *nodes;
     busd_publisher *publishers;
     busd_subscription *subscriptions;
+    struct service *services;
     int64_t memory_until_ns;
     uint64_t memory_left;   /* until then, segments may take this without a check */
     void (*event)(void *user, const busd_event *event);
@@ -279,6 +313,7 @@ void tell(busd_bus *bus, busd_event_kind kind, const struct endpoint *end, const
 void set_timer(busd_bus *bus, enum timer timer, int64_t at_ns);
 void lost(busd_bus *bus, const char *reason);
 int take_in(busd_bus *bus);
+void sweep_unless_in_turn(busd_bus *bus);
 
 /* frames.c */
 void control_begin(busd_out *out, const char *tag, unsigned fields);
@@ -386,6 +421,12 @@ bool subscription_deliver(busd_subscription *sub, int most);
 
 /* publisher.c */
 void publisher_free(busd_publisher *publisher);
+
+/* services.c */
+void services_close(busd_node *node);
+void services_matched(busd_publisher *publisher, bool has_come);
+void services_lost(busd_bus *bus);
+void service_free(struct service *service);
 
 /* reports.c */
 void report_due(struct endpoint *end);

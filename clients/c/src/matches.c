@@ -136,6 +136,7 @@ void matches_drop_stale(busd_publisher *p)
             match_end(p, m, true);
     matches_sweep(p);
     room_set_hold(p);
+    services_matched(p, false);
 }
 
 void matches_free(busd_publisher *p)
@@ -195,6 +196,8 @@ void publisher_matched(busd_publisher *p, busd_in body, busd_in qos, const unsig
         stream_match(p, at_ns);
     }
     room_set_hold(p);
+    if (m->is_by_socket)
+        services_matched(p, true);
     if (!m->is_tap && m->is_by_socket) /* by ring, a match begins to work with Attached */
         tell(p->end.node->bus, BUSD_MATCHED, &p->end, "%s has a subscription by socket", p->end.topic);
 }
@@ -228,6 +231,7 @@ const char *publisher_attached(busd_publisher *p, busd_in body, int fds[2], unsi
         process_drop(bus, before);
     room_set_hold(p);
     ring_doorbells(p, true);
+    services_matched(p, true);
     if (!m->is_tap && before == NULL)
         tell(bus, BUSD_MATCHED, &p->end, "%s has a subscription by shared memory", p->end.topic);
     return NULL;
@@ -242,6 +246,7 @@ void publisher_unmatched(busd_publisher *p, busd_in body)
     match_end(p, m, busd_find_number(body, "lost", 0) != 0);
     matches_sweep(p);
     room_set_hold(p);
+    services_matched(p, false);
     if (!is_tap)
         tell(p->end.node->bus, BUSD_UNMATCHED, &p->end, "%s has lost a subscription", p->end.topic);
 }

@@ -235,6 +235,7 @@ void lost(busd_bus *bus, const char *reason)
         s->earlier += s->received;
         s->received = s->repeated = 0;
     }
+    services_lost(bus);
     char text[sizeof bus->error];
     memcpy(text, bus->error, sizeof text);
     tell(bus, BUSD_DISCONNECTED, NULL, "connection lost: %s", text);
@@ -375,9 +376,17 @@ static bool deliver(busd_bus *bus)
     return has_more;
 }
 
-/* Frees endpoints and nodes that callbacks have closed. */
+/* Frees services, endpoints and nodes that callbacks have closed. */
 static void sweep_closed(busd_bus *bus)
 {
+    for (struct service **at = &bus->services, *service; (service = *at) != NULL;) {
+        if (!service->is_closed) {
+            at = &service->next;
+            continue;
+        }
+        *at = service->next;
+        service_free(service);
+    }
     for (busd_publisher **at = &bus->publishers, *p; (p = *at) != NULL;) {
         if (!p->end.is_closed) {
             at = &p->next;
@@ -497,6 +506,8 @@ void busd_close(busd_bus *bus)
     }
     for (busd_node *node = bus->nodes; node != NULL; node = node->next)
         node->is_closed = true;
+    for (struct service *service = bus->services; service != NULL; service = service->next)
+        service->is_closed = true;
     for (busd_publisher *p = bus->publishers; p != NULL; p = p->next)
         p->end.is_closed = true;
     for (busd_subscription *s = bus->subscriptions; s != NULL; s = s->next)

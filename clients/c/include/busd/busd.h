@@ -169,6 +169,50 @@ int busd_subscription_matches(const busd_subscription *subscription);
 
 void busd_subscription_destroy(busd_subscription *subscription);
 
+/* --- services: calls with one answer */
+
+typedef struct busd_server busd_server;
+typedef struct busd_client busd_client;
+
+/* The types of the two topics. `bus interface c PKG/srv/Type` writes it. */
+typedef struct busd_service_type {
+    busd_type request, reply;
+} busd_service_type;
+
+/* Names a call at its server. */
+typedef struct busd_call {
+    unsigned char client[16];
+    uint64_t number;
+} busd_call;
+
+/* Gets each request, as encoded bytes. The server replies in the callback, or later with a copy of `call`. */
+typedef void busd_serve(void *user, busd_server *server, const busd_call *call, const busd_message *request);
+
+/* `qos` NULL: depth 1000. Errors as busd_publisher_create(). */
+int busd_server_create(busd_node *node, const char *name, const busd_service_type *type, const busd_qos *qos,
+                       busd_serve *serve, void *user, busd_server **server);
+
+/* Replies to a call, once; or ends it with an error, whose reason the client gets. -ENOENT: it has its reply. */
+int busd_reply(busd_server *server, const busd_call *call, const void *body, size_t size);
+int busd_reply_error(busd_server *server, const busd_call *call, const char *reason);
+
+void busd_server_destroy(busd_server *server);
+
+/* Gets the answer to a call: status 0 and the encoded response; or a reason, and -EREMOTEIO: the server replied with an
+ * error; -EPIPE: no server is left, or the request or its answer was lost; -ECANCELED: the client was destroyed. */
+typedef void busd_answer(void *user, int status, const char *error, const busd_message *response);
+
+int busd_client_create(busd_node *node, const char *name, const busd_service_type *type, const busd_qos *qos,
+                       busd_client **client);
+
+/* Sends a request. `answer` is called once, later. -EHOSTUNREACH: there is no server. */
+int busd_client_call(busd_client *client, const void *body, size_t size, busd_answer *answer, void *user);
+
+/* Servers that get the requests. Usually 0 or 1. */
+int busd_client_servers(const busd_client *client);
+
+void busd_client_destroy(busd_client *client);
+
 /* --- statistics */
 
 /* At a quiet moment, of a subscription: expected = samples + queued + replaced + expired + lost. */

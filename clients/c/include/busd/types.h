@@ -166,13 +166,26 @@ static inline void busd_put_count(busd_out *out, size_t count, size_t most)
 
 /* --- a message type: the functions that need no fields */
 
-#define BUSD_MESSAGE(T)                                                                                                \
+/* The functions of any body: a message, a request, a response. */
+#define BUSD_BODY(T)                                                                                                   \
     static inline size_t T##__size(const T *m)                                                                         \
     {                                                                                                                  \
         busd_out out = {NULL, 0, SIZE_MAX, true, false};                                                               \
         T##__put(&out, m);                                                                                             \
         return out.failed ? 0 : out.size;                                                                              \
     }                                                                                                                  \
+    static inline int T##__decode(const busd_message *taken, T *m, busd_arena *arena)                                  \
+    {                                                                                                                  \
+        const unsigned char *bytes = (const unsigned char *)taken->data;                                               \
+        busd_in in = {bytes, bytes + taken->size, false};                                                              \
+        T##__get(&in, m, arena);                                                                                       \
+        if (arena != NULL && arena->failed)                                                                            \
+            return -ENOMEM;                                                                                            \
+        return in.failed ? -EBADMSG : 0;                                                                               \
+    }
+
+#define BUSD_MESSAGE(T)                                                                                                \
+    BUSD_BODY(T)                                                                                                       \
     static inline int T##__publish(busd_publisher *publisher, const T *m)                                              \
     {                                                                                                                  \
         void *place;                                                                                                   \
@@ -186,16 +199,34 @@ static inline void busd_put_count(busd_out *out, size_t count, size_t most)
         T##__put(&out, m);                                                                                             \
         return busd_publish_loan(publisher, out.size);                                                                 \
     }                                                                                                                  \
-    static inline int T##__decode(const busd_message *taken, T *m, busd_arena *arena)                                  \
-    {                                                                                                                  \
-        const unsigned char *bytes = (const unsigned char *)taken->data;                                               \
-        busd_in in = {bytes, bytes + taken->size, false};                                                              \
-        T##__get(&in, m, arena);                                                                                       \
-        if (arena != NULL && arena->failed)                                                                            \
-            return -ENOMEM;                                                                                            \
-        return in.failed ? -EBADMSG : 0;                                                                               \
-    }                                                                                                                  \
     BUSD_MESSAGE_CPP(T)
+
+/* A service S, with the bodies S_Request and S_Response:
+ *
+ *     S__call(client, &request, answer, user)    as busd_client_call()
+ *     S__reply(server, call, &response)          as busd_reply()
+ *     S_Request__decode, S_Response__decode      of the messages that the callbacks get
+ *     S__service                                 its types
+ */
+#define BUSD_SERVICE(S)                                                                                                \
+    BUSD_BODY(S##_Request)                                                                                             \
+    BUSD_BODY(S##_Response)                                                                                            \
+    static inline int S##__call(busd_client *client, const S##_Request *request, busd_answer *answer, void *user)      \
+    {                                                                                                                  \
+        busd_out out = {NULL, 0, 0, false, false};                                                                     \
+        S##_Request__put(&out, request);                                                                               \
+        const int status = out.failed ? -EINVAL : busd_client_call(client, out.bytes, out.size, answer, user);         \
+        free(out.bytes);                                                                                               \
+        return status;                                                                                                 \
+    }                                                                                                                  \
+    static inline int S##__reply(busd_server *server, const busd_call *call, const S##_Response *response)             \
+    {                                                                                                                  \
+        busd_out out = {NULL, 0, 0, false, false};                                                                     \
+        S##_Response__put(&out, response);                                                                             \
+        const int status = out.failed ? -EINVAL : busd_reply(server, call, out.bytes, out.size);                       \
+        free(out.bytes);                                                                                               \
+        return status;                                                                                                 \
+    }
 
 #ifdef __cplusplus
 namespace busd {

@@ -1,0 +1,343 @@
+/* Services: calls with one answer, over two topics. docs/services.md: "On the bus".
+ *
+ * A call at its client is pending until its answer, or until no server is left. At its server it is open until the
+ * reply. A client that has lost its connection asks the server about each pending call; a server that does not know
+ * the call says so, and the call has failed.
+ */
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "internal.h"
+
+#define HEAD_ROOM 64u /* of an envelope, without its texts and body */
+
+static const unsigned char nil = 0xc0;
+
+/* --- envelopes */
+
+struct envelope {
+    busd_call call;
+    busd_text error;
+    busd_message message; /* data and size: of the body */
+    bool is_nil;
+};
+
+static bool envelope_take(const busd_message *taken, bool is_reply, struct envelope *envelope)
+{
+    const unsigned char *bytes = taken->data;
+    busd_in in = {bytes, bytes + taken->size, false};
+    memset(envelope, 0, sizeof *envelope);
+    if (!busd_get_array(&in, is_reply ? 4 : 3))
+        return false;
+    busd_get_bytes_copy(&in, envelope->call.client, sizeof envelope->call.client);
+    envelope->call.number = busd_get_uint(&in, UINT64_MAX);
+    if (is_reply)
+        envelope->error = busd_get_text_view(&in);
+    if (in.failed || in.at == in.end)
+        return false;
+    envelope->message = *taken;
+    envelope->message.data = in.at;
+    envelope->message.size = (size_t)(in.end - in.at);
+    envelope->is_nil = *in.at == nil;
+    return true;
+}
+
+/* Publishes an envelope. `error` NULL: a request. */
+static int envelope_publish(busd_publisher *publisher, const busd_call *call, const char *error, const void *body, size_t size)
+{
+    unsigned char *place;
+    const size_t text = error == NULL ? 0 : strlen(error);
+    const size_t room = HEAD_ROOM + text + size;
+    const int status = busd_loan(publisher, room, (void **)&place);
+    if (status < 0)
+        return status;
+    busd_out out = {place, 0, room, true, false};
+    busd_put_array(&out, error == NULL ? 3 : 4);
+    busd_put_bytes(&out, call->client, sizeof call->client);
+    busd_put_uint(&out, call->number);
+    if (error != NULL)
+        busd_put_text(&out, error, text);
+    busd_put_raw(&out, body, size);
+    return busd_publish_loan(publisher, out.size);
+}
+
+/* --- what both ends have */
+
+static bool is_call(const busd_call *a, const busd_call *b)
+{
+    return a->number == b->number && memcmp(a->client, b->client, sizeof a->client) == 0;
+}
+
+static struct call *call_find(struct service *service, const busd_call *wanted)
+{
+    struct call *call = service->calls;
+    while (call != NULL && !is_call(&call->id, wanted))
+        call = call->next;
+    return call;
+}
+
+static struct call *call_add(struct service *service, const busd_call *id)
+{
+    struct call *call = calloc(1, sizeof *call);
+    if (call == NULL)
+        return NULL;
+    call->id = *id;
+    call->next = service->calls;
+    service->calls = call;
+    return call;
+}
+
+/* Takes a call out of the list. */
+static struct call call_end(struct service *service, struct call *call)
+{
+    struct call ended = *call;
+    for (struct call **at = &service->calls; *at != NULL; at = &(*at)->next) {
+        if (*at != call)
+            continue;
+        *at = call->next;
+        break;
+    }
+    free(call);
+    return ended;
+}
+
+static int service_create(struct service *service, busd_node *node, const char *name, const busd_service_type *type,
+                          const busd_qos *qos, bool is_server, busd_callback *hear)
+{
+    static const busd_qos usual = {.depth = 1000};
+    busd_bus *bus = node->bus;
+    const busd_qos sent = qos == NULL ? usual : *qos;
+    busd_qos taken = sent;
+    taken.history = BUSD_KEEP_ALL;
+    char *full = topic_name(node, name), *topics[2] = {NULL, NULL};
+    if (full == NULL || asprintf(&topics[0], "%s/_request", full) < 0 || asprintf(&topics[1], "%s/_reply", full) < 0) {
+        free(full);
+        free(topics[0]);
+        return fail(bus, ENOMEM, "no memory");
+    }
+    free(full);
+    service->node = node;
+    int status = 0;
+    if (is_server)
+        status = busd_publisher_create(node, topics[1], &type->reply, &sent, &service->publisher);
+    if (status == 0)
+        status = busd_subscription_create(node, topics[!is_server], is_server ? &type->request : &type->reply, &taken, hear,
+                                          service, &service->subscription);
+    if (status == 0 && !is_server)
+        status = busd_publisher_create(node, topics[0], &type->request, &sent, &service->publisher);
+    free(topics[0]);
+    free(topics[1]);
+    if (status < 0) {
+        busd_subscription_destroy(service->subscription);
+        if (is_server)
+            busd_publisher_destroy(service->publisher);
+        return status;
+    }
+    service->next = bus->services;
+    bus->services = service;
+    return 0;
+}
+
+static void service_destroy(struct service *service)
+{
+    if (service->is_closed)
+        return;
+    service->is_closed = true;
+    busd_bus *bus = service->node->bus;
+    bus->turns++; /* one sweep at the end */
+    busd_subscription_destroy(service->subscription);
+    busd_publisher_destroy(service->publisher);
+    bus->turns--;
+    sweep_unless_in_turn(bus);
+}
+
+/* Frees a closed service. Its pending calls have ended. */
+void service_free(struct service *service)
+{
+    while (service->calls != NULL)
+        call_end(service, service->calls);
+    free(service);
+}
+
+/* The node is destroyed, with the endpoints. */
+void services_close(busd_node *node)
+{
+    for (struct service *service = node->bus->services; service != NULL; service = service->next)
+        if (service->node == node)
+            service_destroy(service);
+}
+
+/* --- servers */
+
+static void hear_request(void *user, const busd_message *taken)
+{
+    busd_server *server = user;
+    struct envelope envelope;
+    if (server->service.is_closed || !envelope_take(taken, false, &envelope))
+        return;
+    if (envelope.is_nil) {
+        if (call_find(&server->service, &envelope.call) == NULL)
+            envelope_publish(server->service.publisher, &envelope.call, "", &nil, 1);
+        return;
+    }
+    if (call_add(&server->service, &envelope.call) == NULL)
+        envelope_publish(server->service.publisher, &envelope.call, "the server has no memory", &nil, 1);
+    else
+        server->serve(server->user, server, &envelope.call, &envelope.message);
+}
+
+int busd_server_create(busd_node *node, const char *name, const busd_service_type *type, const busd_qos *qos,
+                       busd_serve *serve, void *user, busd_server **place)
+{
+    busd_server *server = calloc(1, sizeof *server);
+    if (server == NULL)
+        return fail(node->bus, ENOMEM, "no memory");
+    server->serve = serve;
+    server->user = user;
+    const int status = service_create(&server->service, node, name, type, qos, true, hear_request);
+    if (status < 0)
+        free(server);
+    else
+        *place = server;
+    return status;
+}
+
+static int reply(busd_server *server, const busd_call *id, const char *error, const void *body, size_t size)
+{
+    struct call *call = call_find(&server->service, id);
+    if (call == NULL)
+        return fail(server->service.node->bus, ENOENT, "this call has its reply already");
+    const int status = envelope_publish(server->service.publisher, id, error, body, size);
+    if (status == 0)
+        call_end(&server->service, call);
+    return status;
+}
+
+int busd_reply(busd_server *server, const busd_call *call, const void *body, size_t size)
+{
+    return reply(server, call, "", body, size);
+}
+
+int busd_reply_error(busd_server *server, const busd_call *call, const char *reason)
+{
+    return reply(server, call, *reason == '\0' ? "failed" : reason, &nil, 1);
+}
+
+void busd_server_destroy(busd_server *server)
+{
+    if (server != NULL)
+        service_destroy(&server->service);
+}
+
+/* --- clients */
+
+static void answer(struct service *service, struct call *call, int status, const char *error, const busd_message *response)
+{
+    const struct call ended = call_end(service, call);
+    ended.answer(ended.user, status, error, response);
+}
+
+static void hear_reply(void *user, const busd_message *taken)
+{
+    busd_client *client = user;
+    struct envelope envelope;
+    if (client->service.is_closed || !envelope_take(taken, true, &envelope))
+        return;
+    struct call *call = call_find(&client->service, &envelope.call);
+    if (call == NULL)
+        return; /* of another client, or answered */
+    if (envelope.error.size != 0) {
+        char text[400];
+        snprintf(text, sizeof text, "%.*s", (int)sizes_min(envelope.error.size, sizeof text - 1), envelope.error.data);
+        answer(&client->service, call, -EREMOTEIO, text, NULL);
+    } else if (envelope.is_nil) {
+        answer(&client->service, call, -EPIPE, "the request or the answer was lost", NULL);
+    } else {
+        answer(&client->service, call, 0, NULL, &envelope.message);
+    }
+}
+
+int busd_client_create(busd_node *node, const char *name, const busd_service_type *type, const busd_qos *qos,
+                       busd_client **place)
+{
+    busd_client *client = calloc(1, sizeof *client);
+    if (client == NULL)
+        return fail(node->bus, ENOMEM, "no memory");
+    const int status = service_create(&client->service, node, name, type, qos, false, hear_reply);
+    if (status < 0) {
+        free(client);
+        return status;
+    }
+    client->service.is_client = true;
+    *place = client;
+    return 0;
+}
+
+int busd_client_call(busd_client *client, const void *body, size_t size, busd_answer *callback, void *user)
+{
+    busd_call id = {.number = client->numbers};
+    if (busd_client_servers(client) == 0)
+        return fail(client->service.node->bus, EHOSTUNREACH, "%s has no server", client->service.publisher->end.topic);
+    memcpy(id.client, client->service.publisher->end.gid, sizeof id.client);
+    struct call *call = call_add(&client->service, &id);
+    if (call == NULL)
+        return fail(client->service.node->bus, ENOMEM, "no memory");
+    call->answer = callback;
+    call->user = user;
+    const int status = envelope_publish(client->service.publisher, &id, NULL, body, size);
+    if (status < 0)
+        call_end(&client->service, call);
+    else
+        client->numbers++;
+    return status;
+}
+
+int busd_client_servers(const busd_client *client) { return busd_publisher_matches(client->service.publisher); }
+
+static void end_calls(struct service *service, int status, const char *error)
+{
+    struct call *call = service->calls;
+    service->calls = NULL; /* an answer may begin another call */
+    while (call != NULL) {
+        struct call *next = call->next;
+        call->answer(call->user, status, error, NULL);
+        free(call);
+        call = next;
+    }
+}
+
+void busd_client_destroy(busd_client *client)
+{
+    if (client == NULL || client->service.is_closed)
+        return;
+    end_calls(&client->service, -ECANCELED, "the client was destroyed");
+    service_destroy(&client->service);
+}
+
+/* A publisher's matches have changed: if it is of a client, its pending calls may have lost their server, or their
+ * server may have lost them. */
+void services_matched(busd_publisher *publisher, bool has_come)
+{
+    struct service *service = publisher->end.node->bus->services;
+    while (service != NULL && (service->publisher != publisher || !service->is_client || service->is_closed))
+        service = service->next;
+    if (service == NULL)
+        return;
+    if (!has_come && busd_publisher_matches(publisher) == 0) {
+        end_calls(service, -EPIPE, "no server is left");
+        return;
+    }
+    for (struct call *call = service->calls; call != NULL && has_come; call = call->next) {
+        if (call->is_unsure)
+            envelope_publish(publisher, &call->id, NULL, &nil, 1);
+        call->is_unsure = false;
+    }
+}
+
+/* The connection is lost: requests and answers may be lost, too. */
+void services_lost(busd_bus *bus)
+{
+    for (struct service *service = bus->services; service != NULL; service = service->next)
+        for (struct call *call = service->calls; call != NULL; call = call->next)
+            call->is_unsure = service->is_client;
+}

@@ -1,0 +1,108 @@
+"""Services of the C client: a server or a client in C, and the other end in Python, by both routes."""
+
+import asyncio
+import signal
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import bus
+import c_programs
+from bus.srv.example_interfaces import AddTwoInts
+from conftest import Daemon
+from programs import running_command
+from semantics import node
+
+__all__ = ["node"]
+
+
+@pytest.fixture(scope="session")
+def programs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return c_programs.build_once(tmp_path_factory)
+
+
+async def test_a_server_in_c(node: bus.Node, programs: Path, tmp_path: Path, route: str) -> None:
+    client = await node.create_client(AddTwoInts, "/add")
+    async with running_command(tmp_path, programs / "service", "serve", "/add") as server:
+        await client.wait_for_service()
+        for number in range(200):
+            assert (await client.call(AddTwoInts.Request(a=number, b=2))).sum == number + 2
+        with pytest.raises(bus.ServiceError, match="a is negative"):
+            await client.call(AddTwoInts.Request(a=-1, b=2))
+        first = asyncio.create_task(client.call(AddTwoInts.Request(a=1000, b=2)))
+        await server.line("request 1000")
+        assert (await client.call(AddTwoInts.Request(a=5, b=5))).sum == 10
+        assert (await first).sum == 1002
+        server.process.send_signal(signal.SIGTERM)
+        assert await server.end() == 0
+    assert not [line for line in server.lines if "request" not in line and line != "ready"]
+
+
+async def test_a_client_in_c(node: bus.Node, programs: Path, tmp_path: Path, route: str) -> None:
+    async with running_command(tmp_path, programs / "service", "call", "/add", "1", "-1", "3") as client:
+        await client.line("/add/_request has no server")
+        requests: asyncio.Queue[tuple[AddTwoInts.Request, Any]] = asyncio.Queue()
+        server = await node.create_service(
+            AddTwoInts, "/add", on_request=lambda request, call: requests.put_nowait((request, call))
+        )
+        for _ in range(3):
+            request, call = await requests.get()
+            response = AddTwoInts.Response(sum=request.a + request.b)
+            server.respond(call, response, "a is negative" if request.a < 0 else "")
+        assert await client.end() == 0
+    answers = [line for line in client.lines if line.startswith("answer ")]
+    assert answers == ["answer 2", "answer -121: a is negative", "answer 4"]
+
+
+async def test_a_server_in_python_that_ends_fails_the_calls(
+    node: bus.Node, programs: Path, tmp_path: Path, route: str
+) -> None:
+    asked = asyncio.Event()
+
+    async def wait(request: AddTwoInts.Request) -> AddTwoInts.Response:
+        asked.set()
+        await asyncio.Event().wait()
+        return AddTwoInts.Response()
+
+    server = await node.create_service(AddTwoInts, "/add", wait)
+    async with running_command(tmp_path, programs / "service", "call", "/add", "1") as client:
+        await asked.wait()
+        await server.close()
+        assert await client.end() == 0
+    (answer,) = [line for line in client.lines if line.startswith("answer ")]
+    assert answer.startswith(("answer -32: ", "answer -121: "))
+
+
+async def test_a_killed_server_in_c_fails_the_calls(
+    node: bus.Node, programs: Path, tmp_path: Path, route: str
+) -> None:
+    client = await node.create_client(AddTwoInts, "/add")
+    async with running_command(tmp_path, programs / "service", "serve", "/add") as server:
+        await client.wait_for_service()
+        call = asyncio.create_task(client.call(AddTwoInts.Request(a=1000)))
+        await server.line("request 1000")
+        server.process.send_signal(signal.SIGKILL)
+        with pytest.raises(bus.ServiceUnavailable):
+            await call
+
+
+async def test_calls_survive_a_kill_of_busd(
+    daemon: Daemon, node: bus.Node, programs: Path, tmp_path: Path, route: str
+) -> None:
+    """The server in C still works on the call, so the question of the client in Python gets no answer."""
+    client = await node.create_client(AddTwoInts, "/add")
+    async with running_command(tmp_path, programs / "service", "serve", "/add") as server:
+        await client.wait_for_service()
+        first = asyncio.create_task(client.call(AddTwoInts.Request(a=1000, b=2)))
+        await server.line("request 1000")
+        daemon.kill()
+        daemon.restart()
+        async with asyncio.timeout(20):
+            while True:
+                try:
+                    assert (await client.call(AddTwoInts.Request(a=5, b=5))).sum == 10
+                    break
+                except bus.ServiceUnavailable:
+                    await client.wait_for_service()
+            assert (await first).sum == 1002
