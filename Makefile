@@ -201,8 +201,8 @@ chaos: $(TOOLS) ## kill, stop, cut off and starve the processes of a bus, and se
 chaos-bridges: $(TOOLS) ## the same of two buses and what joins them: bridges, busds and a cable (KILLS=200 SEED=7)
 	@PYTHONPATH=tests $(BIN)/python -m chaos.bridges --kills $(or $(KILLS),200) $(if $(SEED),--seed $(SEED))
 
-chaos-ros2: $(TOOLS) ## the same of calls between a bus and a node of rclpy, which `make peers` installs (KILLS=50 SEED=7)
-	@PYTHONPATH=tests $(BIN)/python -m chaos.ros2 --kills $(or $(KILLS),50) $(if $(SEED),--seed $(SEED))
+chaos-ros2: $(TOOLS) ## the same of calls between a bus and a node of rclpy, which `make peers` installs (KILLS=30 SEED=7)
+	@PYTHONPATH=tests $(BIN)/python -m chaos.ros2 --kills $(or $(KILLS),30) $(if $(SEED),--seed $(SEED))
 
 soak: $(SOAK_STAMP) ## a steady load: memory and descriptors flat, latency over time (MINUTES=30)
 	$(BIN)/python -m benchmarks.soak --minutes $(or $(MINUTES),30)

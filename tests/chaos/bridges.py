@@ -10,28 +10,23 @@ together, under streams in both directions. Invariants:
   by the subscription or by one of the bridges.
 """
 
-import argparse
 import asyncio
-import os
 import random
 import sys
-import tempfile
 import time
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import AsyncExitStack
-from functools import partial
 from importlib.util import find_spec
 from itertools import pairwise
-from pathlib import Path
 from statistics import median
 from typing import Any, NamedTuple
 
 import bus
 import netns
 from bridged_world import Bridge, Stream, World
-from bus.runner import loop_factory
 from chaos.calls import Calls, Doubled, goals, services
+from chaos.joined import Broken, play
 from conftest import SOON_S
 
 QUALITIES = {
@@ -56,10 +51,6 @@ class Deed(NamedTuple):
     away_s: float
     pause_s: float
     kills: bool
-
-
-class Broken(Exception):
-    """An invariant was violated."""
 
 
 def plan(chance: random.Random, kills: int) -> Iterator[list[Deed]]:
@@ -197,7 +188,7 @@ class Storms:
                     await asyncio.sleep(deed.away_s)
 
 
-async def storm(world: World, kills: int, chance: random.Random, tell: Callable[[str], None]) -> None:
+async def storm(world: World, kills: int, chance: random.Random) -> None:
     """Make faults until there were `kills`. Raises Broken."""
     world.join_by_zenoh()
     sides = {"there": ("robot", "laptop"), "back": ("laptop", "robot")}
@@ -220,37 +211,15 @@ async def storm(world: World, kills: int, chance: random.Random, tell: Callable[
             await stream.flows()
         storms = Storms(world, streams, calls)
         for number, deeds in enumerate(plan(chance, kills), 1):
-            tell(f"round {number}: {', '.join(f'{one.what} {one.who} {one.away_s:.1f} s' for one in deeds)}")
+            print(f"round {number}: {', '.join(f'{one.what} {one.who} {one.away_s:.1f} s' for one in deeds)}")
             await storms.round(deeds)
         for line in storms.lines():
-            tell(line)
+            print(line)
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(prog="chaos.bridges", description=__doc__)
-    parser.add_argument("--kills", type=int, default=200, help="how many faults (default 200)")
-    parser.add_argument("--seed", type=int, default=0, help="repeats the faults of a run (default: another)")
-    args = parser.parse_args()
-    seed = args.seed or time.time_ns() % 1_000_000_000
-    if reason := netns.why_not() or ("" if find_spec("zenoh") else "eclipse-zenoh is not installed"):
-        print(f"chaos of bridges is left out: {reason}")
-        return 0
-    print(f"chaos of bridges: {args.kills} faults, seed {seed}", flush=True)
-    os.environ["BUSD_AUTOSTART"] = "0"
-    with tempfile.TemporaryDirectory(prefix="chaos-") as folder:
-        try:
-            with (
-                World(Path(folder), None, "robot", "laptop") as world,
-                asyncio.Runner(loop_factory=loop_factory()) as runner,
-            ):
-                runner.run(storm(world, args.kills, random.Random(seed), partial(print, flush=True)))
-        except Broken as broken:
-            print(f"FAILED: {broken} (seed {seed})")
-            return 1
-        except KeyboardInterrupt:
-            print("interrupted", file=sys.stderr)
-            return 130
-    return 0
+    why_not = netns.why_not() or ("" if find_spec("zenoh") else "eclipse-zenoh is not installed")
+    return play("chaos.bridges", __doc__, 200, why_not, ("robot", "laptop"), storm)
 
 
 if __name__ == "__main__":

@@ -8,27 +8,22 @@ back, and the bridge and the node hang. Invariants:
 - After the last fault, calls are answered again in both directions: within the lease of a participant.
 """
 
-import argparse
 import asyncio
-import os
 import random
 import signal
 import sys
-import tempfile
 import time
 from collections import Counter
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from importlib.util import find_spec
-from pathlib import Path
 from typing import Any, Final
 
 import bus
 from bridged_world import Side, World
-from bus.runner import loop_factory
 from bus.types.classes import service_class
-from chaos.bridges import Broken
 from chaos.calls import Calls, Doubled
+from chaos.joined import Broken, play
 from peers.peer import Peer, ros, why_no_ros
 
 LIST = "rcl_interfaces/srv/ListParameters"
@@ -195,31 +190,8 @@ async def storm(world: World, kills: int, chance: random.Random) -> None:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(prog="chaos.ros2", description=__doc__)
-    parser.add_argument("--kills", type=int, default=30, help="how many faults (default 30)")
-    parser.add_argument("--seed", type=int, default=0, help="repeats the faults of a run (default: another)")
-    args = parser.parse_args()
-    seed = args.seed or time.time_ns() % 1_000_000_000
-    reason = why_no_ros(_DISTRO) or ("" if find_spec("cyclonedds") else "cyclonedds is not installed")
-    if reason:
-        print(f"chaos with ROS 2 is left out: {reason}")
-        return 0
-    print(f"chaos with ROS 2: {args.kills} faults, seed {seed}", flush=True)
-    os.environ["BUSD_AUTOSTART"] = "0"
-    with tempfile.TemporaryDirectory(prefix="chaos-") as folder:
-        try:
-            with (
-                World(Path(folder), None, "robot") as world,
-                asyncio.Runner(loop_factory=loop_factory()) as runner,
-            ):
-                runner.run(storm(world, args.kills, random.Random(seed)))
-        except Broken as broken:
-            print(f"FAILED: {broken} (seed {seed})")
-            return 1
-        except KeyboardInterrupt:
-            print("interrupted", file=sys.stderr)
-            return 130
-    return 0
+    why_not = why_no_ros(_DISTRO) or ("" if find_spec("cyclonedds") else "cyclonedds is not installed")
+    return play("chaos.ros2", __doc__, 30, why_not, ("robot",), storm)
 
 
 if __name__ == "__main__":
