@@ -66,6 +66,7 @@ LINES = {
     "tf2 echo": "--help",
     "tf2 frames": "--help",
     "tf2 monitor": "--help",
+    "interface c": "std_msgs/msg/String",
     "interface list": "",
     "interface package": "std_msgs",
     "interface packages": "",

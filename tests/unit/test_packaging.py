@@ -70,7 +70,7 @@ def test_the_page_on_an_index_leads_nowhere_that_is_not_there() -> None:
     assert page.startswith("# busd\n\n```sh\npip install busd\n```\n")
     assert not LINK.search(page)
     named = {
-        name for row in re.findall(r"^\| `.*", page, re.MULTILINE) for name in re.findall(r"`(\w+)`", row)
+        name for row in re.findall(r"^\| `.*", page, re.MULTILINE) for name in re.findall(r"`([\w-]+)`", row)
     }
     assert named == set(PROJECT["project"]["optional-dependencies"]) - FOR_DEVELOPERS
 

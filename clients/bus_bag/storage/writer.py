@@ -25,6 +25,11 @@ Job: TypeAlias = Callable[[], None]
 _MAX_CHANNELS = 1 << 16
 
 
+_Topic = tuple[int, TopicMetadata, Mapping[str, str]]
+"""The number of its schema, the topic, and what is stored with it."""
+_Topics = Sequence[_Topic]
+
+
 class BagWriter:
     """Writes a bag: `<folder>/<folder>_0.mcap` and so on, as files of `storage`, then metadata.yaml.
 
@@ -65,7 +70,7 @@ class BagWriter:
         self._builder = storage.gather()
         self._packs = self._builder if isinstance(self._builder, PackGatherer) else None
         self._limit = storage.chunk_bytes(preset)
-        self._topics: list[tuple[int, TopicMetadata, Mapping[str, str]]] = []
+        self._topics: list[_Topic] = []
         self._schemas: dict[tuple[str, str], int] = {}
         try:
             folder.mkdir(parents=True)
@@ -73,7 +78,7 @@ class BagWriter:
             raise BagError(f"Output folder '{folder}' already exists.") from None
         self._files = BagFiles(folder, storage, preset, most_files)
         """Only jobs change it."""
-        self._write_own_metadata()
+        self._write_own_metadata(())
 
     def add_topic(self, topic: TopicMetadata, definition: str, extra: Mapping[str, str] | None = None) -> int:
         """Add a topic to record; returns its channel, for `write`.
@@ -151,9 +156,9 @@ class BagWriter:
 
         def split() -> None:
             closed = self._files.present.path
-            self._close_file()
+            self._close_file(topics)
             self._files.open_next()
-            self._write_own_metadata()
+            self._write_own_metadata(topics)
             file = self._files.present
             for (name, definition), number in schemas.items():
                 file.write_schema(number, name, definition)
@@ -173,9 +178,10 @@ class BagWriter:
     def close(self) -> None:
         """Close the last file and write metadata.yaml."""
         self.flush()
+        topics = list(self._topics)
 
         def close() -> None:
-            self._close_file()
+            self._close_file(topics)
             write_metadata_file(self.folder, self.metadata())
 
         self._run(close, 0)
@@ -193,22 +199,26 @@ class BagWriter:
     def counts(self) -> dict[str, int]:
         """Topic -> number of messages in the files, including deleted files, without waiting and lost
         messages."""
-        return dict(self._by_topic(self._files.counts()))
+        return dict(self._by_topic(self._files.counts(), list(self._topics)))
 
-    def _by_topic(self, counts: Mapping[int, int]) -> Counter[str]:
+    def _by_topic(self, counts: Mapping[int, int], topics: _Topics) -> Counter[str]:
         """Sum up channels by topic. A topic may have several channels."""
         found: Counter[str] = Counter()
-        for channel, (_, topic, _) in enumerate(list(self._topics)):
+        for channel, (_, topic, _) in enumerate(topics):
             found[topic.name] += counts.get(channel, 0)
         return found
 
     def metadata(self) -> BagMetadata:
         """The metadata of all files. For jobs, or after all jobs have run."""
+        return self._metadata(list(self._topics))
+
+    def _metadata(self, known: _Topics) -> BagMetadata:
+        """The same with the topics that were known when the job was made."""
         files = self._files.information()
         start, duration = time_span(files)
-        counts = self._by_topic(self._files.counts_there())
+        counts = self._by_topic(self._files.counts_there(), known)
         topics: dict[str, TopicInformation] = {}
-        for _, topic, _ in list(self._topics):
+        for _, topic, _ in known:
             topics.setdefault(topic.name, TopicInformation(topic, counts[topic.name]))
         return BagMetadata(
             storage_identifier=self._storage.identifier,
@@ -222,13 +232,14 @@ class BagWriter:
             ros_distro=self._ros_distro,
         )
 
-    def _write_own_metadata(self) -> None:
+    def _write_own_metadata(self, topics: _Topics) -> None:
         """Write the known metadata of the whole bag into the current file."""
-        self._files.present.write_metadata("rosbag2", {"serialized_metadata": to_record(self.metadata())})
+        record = to_record(self._metadata(topics))
+        self._files.present.write_metadata("rosbag2", {"serialized_metadata": record})
 
-    def _close_file(self) -> None:
+    def _close_file(self, topics: _Topics) -> None:
         if self._files.present.is_open:  # otherwise there was no room for a further file
-            self._write_own_metadata()
+            self._write_own_metadata(topics)
             self._files.close()
 
 

@@ -232,7 +232,8 @@ def _story(world: World, *, has_snapshots: bool) -> dict[str, TopicLosses]:
         if number == 7:
             world.pipeline.resume()
             world.pipeline.split()
-        world.pipeline.pump()
+        while world.pipeline.pump():
+            pass  # one turn has a time limit, and a split must be at the same message
     if has_snapshots:
         world.pipeline.snapshot()
     world.pipeline.flush()
