@@ -225,11 +225,11 @@ peers: $(PEERS:%=.venv-%/.peers) ## ROS 2's own rclpy into .venv-jazzy and .venv
 
 # Its modules have the names of busd's facade, so it is kept apart. Where it can't be had, what needs it says so.
 .venv-%/.peers: benchmarks/%.txt | $(TOOLS)
-	@echo "installing ROS 2's rclpy ($*) into .venv-$*: half a minute to three minutes, 270 MB"
+	@echo "installing a peer ($*) into .venv-$*: half a minute to three minutes, 270 MB at most"
 	@mkdir -p $(@D)
 	@{ $(BIN)/python -m venv $(@D) \
 			&& $(@D)/bin/python -m pip install -qq --disable-pip-version-check --no-compile --requirement $<; } \
-		|| echo "rclpy ($*) can't be installed (there are packages for x86_64 and Python 3.10 to 3.14 only):" \
+		|| echo "the peer ($*) can't be installed (rclpy has packages for x86_64 and Python 3.10 to 3.14 only):" \
 			"what needs it says so"
 	@touch $@
 

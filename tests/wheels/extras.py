@@ -38,7 +38,7 @@ class Trial(NamedTuple):
     shows: str
     """Pattern of the text that it shows on its terminal if the extra is installed."""
     distribution: str
-    """The package that it names as missing otherwise."""
+    """The packages that it names as missing otherwise, with blanks in between."""
     key: str = ""
     """The key that ends it; by default Ctrl-C does, unless it ends by itself."""
     files: tuple[tuple[str, str], ...] = ()
@@ -53,6 +53,11 @@ TRIALS = {
         ("bridge", "ros2", "--domain-id", "{domain}", "--carrier", "cyclonedds"),
         r"in domain \d+ of DDS",
         "cyclonedds",
+    ),
+    "rmw-zenoh": Trial(
+        ("bridge", "ros2", "--rmw", "zenoh", "--listen", "tcp/127.0.0.1:{port}", "--domain-id", "3"),
+        r"listening on tcp/127\.0\.0\.1:\d+",
+        "eclipse-zenoh xxhash",
     ),
     "top": Trial(("top",), r"TOPIC", "textual", key="q"),
     "vision": Trial(
@@ -89,7 +94,7 @@ def try_extra(environment: Environment, trial: Trial) -> None:
 def check_refusal(environment: Environment, trial: Trial) -> None:
     """Run the trial without the extra: it must fail and name what is missing. Raises Wrong."""
     environment.run("bus", "daemon", "start")
-    wanted = how_to_install(trial.distribution)
+    wanted = how_to_install(*trial.distribution.split())
     text, status = _show(environment, trial, re.escape(wanted))
     if not status or wanted not in text:
         raise Wrong(f"without its extra, bus {' '.join(trial.words)} ended with {status}:\n{text}")
