@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bus.process.address import socket_path
+from bus_cli.bridge.service import add_service_arguments, change_service, option, words_of
 from bus_cli.completion import completed_by, topics
 from bus_cli.output import CommandError
 from bus_cli.query import NotRunning, Query
@@ -47,6 +48,7 @@ def add_bridge_arguments(parser: ArgumentParser, engine: str) -> None:
         "--id", metavar="ID", help="name of this bus for other buses (default: from the machine's name)"
     )
     group.add_argument("--log-level", choices=_LEVELS, default="info", help="logging level")
+    add_service_arguments(parser)
 
 
 def add_certificate_arguments(group: "ArgumentGroup") -> None:
@@ -71,12 +73,17 @@ def tls_of(args: Namespace) -> dict[str, str] | None:
 
 
 def run_bridge(args: Namespace, engine: str, flags: dict[str, Any]) -> int:
-    """Run a bridge until a signal. `flags`: further options of the command line, by the keys of busd.toml."""
+    """Run a bridge until a signal, or change its unit.
+
+    `flags`: further options of the command line, by the keys of busd.toml.
+    """
     from bus_bridge.config import TABLES, load, merged
     from bus_bridge.extras import EXTRAS, why_missing
 
     path = socket_path(args.socket, args.domain)
     table = _from_flags(TABLES[engine], args, flags)
+    if args.service:
+        return change_service(args, engine, words_of(flags | _how_to_run(args, TABLES[engine])))
     if not EXTRAS[engine].is_optional and (why := why_missing(engine)):
         raise CommandError(why)
     if file := args.config or config_file(path):
@@ -88,6 +95,16 @@ def run_bridge(args: Namespace, engine: str, flags: dict[str, Any]) -> int:
         pass
     run_stream(plan.run(path, args.log_level))
     return 0
+
+
+def _how_to_run(args: Namespace, kind: "type[BridgeTable]") -> dict[str, Any]:
+    """The options that are no keys of the table, for a unit. Raises BridgeError for a wrong file."""
+    from bus_bridge.config import load
+
+    if args.config is None:
+        return {"log_level": args.log_level}
+    load(args.config, kind)
+    return {"config": args.config.absolute(), "log_level": args.log_level}
 
 
 def config_file(path: Path) -> Path | None:
@@ -108,13 +125,10 @@ def _from_flags(kind: "type[BridgeTable]", args: Namespace, flags: dict[str, Any
     from bus.process.tables import checked
     from bus_bridge.config import check_values
 
-    def called(key: str) -> str:
-        return f"--{key.removesuffix('s').replace('_', '-')}"
-
     flags |= {"id": args.id, "namespace": args.namespace, "allow": args.allow, "deny": args.deny}
     kinds = {field.name: field.type for field in structs.fields(kind)}
     table = kind(
-        **{key: checked(called(key), value, kinds[key]) for key, value in flags.items() if value is not None}
+        **{key: checked(option(key), value, kinds[key]) for key, value in flags.items() if value is not None}
     )
-    check_values(table, called)
+    check_values(table, option)
     return table

@@ -9,9 +9,10 @@ from pathlib import Path
 from bus.errors import BusError
 from bus.process.address import domain_id, socket_path
 from bus_cli.configuration import ask
-from bus_cli.daemon.units import OURS, Units, systemd_version
+from bus_cli.daemon.units import Units, systemd_version
 from bus_cli.output import CommandError, complain, print_json, say
 from bus_cli.query import NotRunning, Query
+from bus_cli.units import systemctl, write
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -75,7 +76,7 @@ def main(args: Namespace) -> int:
         say("\n".join(f"# {path}\n{text}" for path, text in texts.items()), end="")
         return 0
     for path, text in texts.items():
-        _write(path, text)
+        write(path, text)
     what_next = _what_next(units)
     if args.json:
         print_json({"files": [str(path) for path in texts], "next": what_next})
@@ -97,19 +98,9 @@ def _check(config: Path, socket: Path) -> None:
         complain(doubt)
 
 
-def _write(path: Path, text: str) -> None:
-    try:
-        if path.exists() and not path.read_text(errors="replace").startswith(OURS):
-            raise CommandError(f"{path} was not written by bus daemon install; move it away first")
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text)
-    except OSError as error:
-        raise CommandError(f"can't write {path}: {error.strerror}") from None
-
-
 def _what_next(units: Units) -> list[str]:
-    systemctl = "systemctl" if units.user else "systemctl --user"
-    lines = [f"{systemctl} daemon-reload", f"{systemctl} enable --now {units.name}.socket"]
+    command = systemctl(is_system=bool(units.user))
+    lines = [f"{command} daemon-reload", f"{command} enable --now {units.name}.socket"]
     return ["bus daemon stop", *lines] if not units.user and _runs(units.domain) else lines
 
 

@@ -4,7 +4,8 @@ from argparse import ArgumentParser, Namespace
 
 from bus_cli.daemon.install import add_scope, units_of
 from bus_cli.daemon.units import OURS
-from bus_cli.output import CommandError, print_json, say
+from bus_cli.output import print_json, say
+from bus_cli.units import remove, systemctl
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -14,21 +15,9 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def main(args: Namespace) -> int:
     units = units_of(args)
-    systemctl = "systemctl" if units.user else "systemctl --user"
-    removed = []
-    wanted = units.folder / "sockets.target.wants" / f"{units.name}.socket"
-    for path in units.paths:
-        try:
-            if path.read_text(errors="replace").startswith(OURS):
-                path.unlink()
-                removed.append(path)
-        except FileNotFoundError:
-            continue
-        except OSError as error:
-            raise CommandError(f"can't remove {path}: {error.strerror}") from None
-    if removed and wanted.is_symlink():
-        wanted.unlink()  # else systemd looks for the missing unit at each start
-    what_next = [f"{systemctl} stop {units.name}.socket {units.name}.service", f"{systemctl} daemon-reload"]
+    command = systemctl(is_system=bool(units.user))
+    removed = [path for path in units.paths if remove(path, OURS, "sockets.target")]
+    what_next = [f"{command} stop {units.name}.socket {units.name}.service", f"{command} daemon-reload"]
     if args.json:
         print_json({"files": [str(path) for path in removed], "next": what_next if removed else []})
     elif removed:

@@ -14,6 +14,8 @@ from string import Template
 
 import msgspec
 
+from bus_cli.units import quoted, unit_folder
+
 OURS = "# Written by bus daemon install."
 """The first line of each unit."""
 
@@ -39,9 +41,7 @@ class Units(msgspec.Struct, frozen=True):
 
     @property
     def folder(self) -> Path:
-        if self.user:
-            return Path("/etc/systemd/system")
-        return Path(os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config") / "systemd" / "user"
+        return unit_folder(is_system=bool(self.user))
 
     @property
     def socket(self) -> str:
@@ -75,7 +75,7 @@ class Units(msgspec.Struct, frozen=True):
         words = [str(program)] if program.is_file() else [sys.executable, "-m", "busd"]
         words += ["--domain", str(self.domain)] if self.domain else []
         words += ["--config", str(self.config)] if self.config is not None else []
-        return " ".join(map(_quoted, words))
+        return " ".join(map(quoted, words))
 
 
 def systemd_version(environ: Mapping[str, str] = os.environ) -> int | None:
@@ -95,10 +95,3 @@ def systemd_version(environ: Mapping[str, str] = os.environ) -> int | None:
 def _fill(name: str, values: Mapping[str, str]) -> str:
     text = Template((files("bus_cli.daemon") / "systemd" / name).read_text()).substitute(values)
     return "".join(line for line in text.splitlines(keepends=True) if line != "ExecReload=\n")
-
-
-def _quoted(word: str) -> str:
-    """Quote a word by the rules of systemd.service(5)."""
-    for plain, said in (("\\", "\\\\"), ('"', '\\"'), ("%", "%%"), ("$", "$$"), ("\n", "\\n"), ("\r", "\\r")):
-        word = word.replace(plain, said)
-    return f'"{word}"' if any(c in word for c in " \t'\"\\;") else word
