@@ -14,14 +14,18 @@ pytest.importorskip("cyclonedds", reason="cyclonedds is not installed: make setu
 
 from cyclonedds.core import Policy, Qos
 from cyclonedds.idl import make_idl_struct
+from cyclonedds.idl.types import array, uint8
 from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
 
 from bridging import Running, world
+from bus.endpoint.matches import Match
 from bus.msg.std_msgs import String
 from bus.qos import Durability, QoSProfile, Reliability
 from bus.schema import MessageSchema
 from bus_bridge.batch import Loose, Sample
+from bus_bridge.core.imports import Import
+from bus_bridge.core.lateness import Lateness
 from bus_bridge.dds import raw, reading
 from bus_bridge.dds.cyclone import CycloneCarrier
 from bus_bridge.dds.engine import DdsEngine
@@ -61,6 +65,18 @@ def carrier_of(bridge: Bridge) -> CycloneCarrier:
     return carrier
 
 
+class Mirror:
+    """The publisher on the bus of a route in, which a subscription is matched with."""
+
+    def __init__(self) -> None:
+        self.matches = (Match("/listener", b"listener" * 2, QoSProfile(10), "shm"),)
+        self.heard: list[str] = []
+
+    def publish_encoded(self, payload: bytes, *, source_time_ns: int | None = None) -> bool:
+        self.heard += msgspec.msgpack.decode(payload)
+        return True
+
+
 @pytest.fixture(params=["cyclonedds", "rtps"])
 async def bridge(request: pytest.FixtureRequest) -> AsyncIterator[Bridge]:
     made = Bridge(msgspec.structs.replace(OPTIONS, carrier=request.param))
@@ -78,6 +94,10 @@ def alone(bridge: Bridge) -> Iterator[Alone]:
 
 pytestmark = pytest.mark.either_loop
 
+_OCTETS = make_idl_struct(
+    "String_", "std_msgs::msg::dds_::String_", {"data": array[uint8, 8]}, dataclassify=False
+)
+"""cyclonedds sends any eight bytes as this type: those of a text of three letters, or others."""
 _LATCHED = (Policy.Reliability.Reliable(0), Policy.Durability.TransientLocal, Policy.History.KeepLast(1))
 
 
@@ -105,6 +125,26 @@ async def test_what_is_said_before_it_is_read_waits(bridge: Bridge, alone: Alone
     await bridge.read("/chatter")
     say(writer, "second")
     await until(lambda: bridge.heard == ["first", "second"])
+
+
+@pytest.mark.parametrize("bridge", ["rtps"], indirect=True)
+async def test_a_message_that_can_t_be_read_is_lost_once(bridge: Bridge, alone: Alone) -> None:
+    """Its number is missing, too."""
+    alone.topic("rt/chatter", _OCTETS)
+    bridge.listen("/chatter")
+    writer = alone.writer("/chatter")
+    (await bridge.read("/chatter")).close()
+    endpoint = bridge.far.find("publisher", "/chatter")
+    assert endpoint is not None
+    mirror: Any = Mirror()
+    way = Import(bridge.engine, endpoint, STRING, mirror, Lateness(), bridge.far.warn)
+    way.on_matched()
+    say(writer, "one")
+    assert raw.writer_of(writer)(b"\0\1\0\0" + 8 * b"\xff", time.time_ns()) == 0
+    say(writer, "two", "six")
+    await until(lambda: mirror.heard == ["one", "two", "six"])
+    assert (way.taken, way.losses) == (4, {"undecodable": 1})
+    way.end()
 
 
 @by_cyclonedds

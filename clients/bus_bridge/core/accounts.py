@@ -8,7 +8,7 @@ __all__ = ["Account"]
 class Account:
     """The counters of one route."""
 
-    __slots__ = ("bytes", "dropped", "lost", "sent", "taken")
+    __slots__ = ("_known_losses", "bytes", "dropped", "lost", "sent", "taken")
 
     def __init__(self) -> None:
         self.taken = 0
@@ -19,10 +19,19 @@ class Account:
         """Taken messages that were dropped, by reason."""
         self.lost = 0
         """Messages lost before they reached the bridge."""
+        self._known_losses = 0
 
     def drop(self, reason: DropReason, count: int = 1) -> None:
         if count:
             self.dropped[reason] = self.dropped.get(reason, 0) + count
+
+    def miss(self, numbers: int, in_engine: int) -> None:
+        """Count missing numbers. `in_engine`: all messages that the engine has received and lost so far.
+
+        The engine counts those by their reason. Their numbers are missing, too, and count only once.
+        """
+        self.lost += max(0, numbers - (in_engine - self._known_losses))
+        self._known_losses = in_engine
 
     @property
     def waiting(self) -> int:

@@ -190,9 +190,10 @@ class Import:
     def _new_ones(self, batch: Batch) -> Batch | None:
         found, account = self._continuity.classify(batch), self.account
         account.drop(DropReason.REPEATED, found.repeated)
-        account.lost += found.lost
+        missing = found.lost
         if found.missed and self._listeners.are_back:
-            account.lost += found.missed
+            missing += found.missed
+        account.miss(missing, sum(self._reading.lost.values()))
         return found.batch
 
     def _without_expired(self, batch: Batch) -> Batch | None:

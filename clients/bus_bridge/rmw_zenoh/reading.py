@@ -7,6 +7,7 @@ import asyncio
 from collections.abc import Callable
 from typing import Final
 
+from bus.endpoint.core import summed
 from bus.qos import Durability
 from bus.vocabulary import DropReason
 from bus_bridge.batch import Batch, Loose, Sample
@@ -141,7 +142,7 @@ class Intake:
         head = attachment.read(message[1])
         reader = None if head is None else self._readers.get(head.gid)
         if reader is not None:
-            self._intakes.session.call(reader.lose, DropReason.MEMORY_LIMIT)
+            reader.left_out += 1
 
     def _take(self, message: tuple[bytes, bytes]) -> None:
         cdr, head = message
@@ -172,7 +173,9 @@ class RosReader:
         self, intake: Intake, endpoint: FarEndpoint, known: KnownType, on_batch: Callable[[Batch], None]
     ) -> None:
         self.gid = endpoint.gid
-        self.lost: dict[str, int] = {}
+        self.left_out = 0
+        """Messages without room between zenoh's thread and the loop. Only that thread writes it."""
+        self._lost: dict[str, int] = {}
         self._intake = intake
         self._decode = known.codec.decode
         self._on_batch = on_batch
@@ -180,6 +183,11 @@ class RosReader:
         self._last = 0
         self._is_closed = False
         intake.attach(self, wants_history=endpoint.qos.durability is Durability.TRANSIENT_LOCAL)
+
+    @property
+    def lost(self) -> dict[str, int]:
+        """Messages that arrived and were lost, by reason."""
+        return summed(self._lost, {DropReason.MEMORY_LIMIT: self.left_out} if self.left_out else {})
 
     def receive(self, cdr: bytes, number: int, time_ns: int) -> bool:
         """Take a message; returns whether it is the first since the last `give`."""
@@ -201,7 +209,7 @@ class RosReader:
             self._on_batch(Loose(samples))
 
     def lose(self, reason: DropReason, count: int = 1) -> None:
-        self.lost[reason] = self.lost.get(reason, 0) + count
+        self._lost[reason] = self._lost.get(reason, 0) + count
 
     def taken(self, size: int) -> None:
         """Nothing waits for this: zenoh has no acknowledgments that reach a publisher."""

@@ -19,3 +19,14 @@ def test_what_never_came_counts_apart() -> None:
     assert account.waiting == 0
     assert account.losses == {"lost_on_the_way": 5}
     assert account.dropped == {}
+
+
+def test_a_message_lost_in_the_engine_counts_once_although_its_number_is_missing() -> None:
+    account = Account()
+    account.miss(3, in_engine=1)
+    assert account.lost == 2
+    account.miss(1, in_engine=1)
+    assert account.lost == 3
+    account.miss(1, in_engine=4)  # the numbers of two of them are no gap: they were the first
+    account.miss(1, in_engine=4)
+    assert account.lost == 4

@@ -175,6 +175,17 @@ async def test_what_the_engine_had_and_lost_was_taken_and_dropped() -> None:
     assert way.way.taken == way.way.account.sent + sum(way.way.losses.values())
 
 
+async def test_numbers_of_messages_lost_in_the_engine_are_not_lost_on_the_way_too() -> None:
+    way = Way()
+    way.receive(1)
+    way.engine.lost = {"undecodable": 1, "memory_limit": 1}
+    way.receive(4)
+    assert way.way.losses == {"undecodable": 1, "memory_limit": 1}
+    way.receive(6)
+    assert way.way.losses == {"undecodable": 1, "memory_limit": 1, "lost_on_the_way": 1}
+    assert way.closes
+
+
 async def test_what_the_engine_had_lost_stays_counted_when_the_publisher_returns() -> None:
     before = Way()
     before.receive(1, 2)

@@ -189,6 +189,21 @@ async def test_what_the_queue_of_zenoh_s_thread_drops_is_counted(world: World) -
     assert reader.lost == {"memory_limit": 1}
 
 
+async def test_losses_of_early_messages_and_of_the_queue_add_up(
+    world: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(reading, "_EARLY_BYTES", 15)
+    intake = world.intakes.hold(KEY, KNOWN)
+    world.session.come(ONE, 1, "a")
+    world.session.come(ONE, 2, "b")
+    reader = world.read()
+    (source,) = world.session.sources
+    source.lose((b"", attachment.write(3, 7, ONE)))
+    assert reader.lost == {"memory_limit": 2}
+    assert [found for _, found in world.batches] == [[("b", 2, 7)]]
+    intake.release()
+
+
 async def test_a_closed_route_gets_nothing_more(world: World) -> None:
     other = world.intakes.hold(KEY, KNOWN)
     reader = world.read()
