@@ -52,7 +52,7 @@ def ros_tokens(data: bytes) -> None:
     script = Script(data)
     far = _Far()
     there: list[str] = []
-    bounds: dict[str, Any] = {"MOST_TOKENS": _MOST, "_MOST_REFUSED": 1, "gid_of": _gid_of}
+    bounds: dict[str, Any] = {"MOST_TOKENS": _MOST, "_FEW_TOKENS": 3, "_MOST_REFUSED": 1, "gid_of": _gid_of}
     with patch.multiple(graph, **bounds):
         known = RosGraph("bus", "own", _TYPES, _SERVICES, far, lambda gid: None, lambda gid: None)
         while script:

@@ -33,6 +33,7 @@ __all__ = [
     "KINDS",
     "check_size",
     "definition_path",
+    "exists",
     "find_definition",
     "find_message",
     "find_path",
@@ -62,6 +63,16 @@ def find_definition(name: str) -> idl.Message | idl.Service | idl.Action:
     another definition raises only when that definition is requested.
     """
     return _load(_found(name), name)
+
+
+def exists(name: str) -> bool:
+    """Whether there is a file for a definition that `find_definition` or `find_message` could return.
+
+    Takes a hundredth of the time of their error for a missing one, which suggests similar names.
+    """
+    package, _, rest = name.partition("/")
+    whole = f"{package}/{rest.partition('_')[0]}"  # of a part of a service or an action
+    return find_path(name) is not None or (whole != name and find_path(whole) is not None)
 
 
 def find_message(name: str) -> idl.Message:

@@ -1,8 +1,13 @@
 """Counters of all messages of one route: taken = sent + waiting + dropped, by reason. Pure."""
 
+from typing import Final
+
 from bus.vocabulary import DropReason
 
 __all__ = ["Account"]
+
+_MOST_LOST: Final = 2**53 - 1
+"""The highest number that every reader of a report can represent."""
 
 
 class Account:
@@ -30,7 +35,8 @@ class Account:
 
         The engine counts those by their reason. Their numbers are missing, too, and count only once.
         """
-        self.lost += max(0, numbers - (in_engine - self._known_losses))
+        # A far side may claim any number. busd closes a connection that reports more than 62 bits.
+        self.lost = min(self.lost + max(0, numbers - (in_engine - self._known_losses)), _MOST_LOST)
         self._known_losses = in_engine
 
     @property

@@ -7,7 +7,6 @@ know: the carrier that finds them.
 import asyncio
 import time
 from collections.abc import Callable, Mapping
-from typing import Final
 
 from bus.errors import ConfigurationError
 from bus.names import (
@@ -43,14 +42,11 @@ from bus_bridge.dds.names import (
 from bus_bridge.engine import FarEndpoint, FarNode, FarSide
 from bus_bridge.errors import BridgeError
 from bus_bridge.ros2.calls import OF_SERVICES
-from bus_bridge.ros2.known_types import KnownTypes
+from bus_bridge.ros2.known_types import MOST_UNKNOWN, TOO_MANY_UNKNOWN, KnownTypes
 from bus_bridge.ros2.service_types import KnownServices
 from bus_bridge.ros2.type_names import type_from_dds
 
 __all__ = ["Discovery"]
-
-_MOST_UNKNOWN: Final = 1000
-"""Most endpoints of unknown types that are kept, because their types may become known."""
 
 
 class Discovery:
@@ -248,13 +244,10 @@ class Discovery:
 
     def _unknown_type(self, found: Discovered) -> None:
         """Keep an endpoint whose type is not known: it may become known."""
-        if found.gid in self._unknown or len(self._unknown) < _MOST_UNKNOWN:
+        if found.gid in self._unknown or len(self._unknown) < MOST_UNKNOWN:
             self._unknown[found.gid] = found
         else:
-            self._far.warn(
-                f"more than {_MOST_UNKNOWN:,} endpoints of ROS 2 have types that are not known here: "
-                "further ones are left out until they are created again"
-            )
+            self._far.warn(TOO_MANY_UNKNOWN)
 
     def _report(self, news: News) -> None:
         for piece in news:

@@ -25,13 +25,15 @@ from bus_bridge.engine import EndpointKind, FarEndpoint, FarNode, FarSide
 from bus_bridge.errors import BridgeError
 from bus_bridge.rmw_zenoh.keys import EndpointToken, NodeToken, gid_of, parse_token
 from bus_bridge.ros2.calls import OF_SERVICES
-from bus_bridge.ros2.known_types import KnownTypes
+from bus_bridge.ros2.known_types import MOST_UNKNOWN, TOO_MANY_UNKNOWN, KnownTypes
 from bus_bridge.ros2.service_types import KnownServices
 
 __all__ = ["MOST_TOKENS", "RosGraph", "ServiceKind", "announcer_of", "session_of"]
 
 MOST_TOKENS: Final = 30_000
 """Tokens of all sessions together. The bridge shows at most 11,000 nodes and endpoints of a domain."""
+_FEW_TOKENS: Final = 1000
+"""A session with fewer tokens is not refused for their number."""
 _MOST_REFUSED: Final = 1000
 _ANNOUNCER: Final = "session "
 
@@ -88,6 +90,8 @@ class RosGraph:
         self.publishers: dict[bytes, EndpointToken] = {}
         """Publishers of topics that were reported, by gid."""
         self._servers: dict[ServiceKind, dict[bytes, str]] = {}
+        self._is_full = False
+        """Whether new tokens are left out, because no session has many of those that are there."""
 
     @property
     def sessions(self) -> int:
@@ -108,15 +112,12 @@ class RosGraph:
         session = node.session
         if key in self._known or node.is_of_busd or session == self._own or session in self.refused:
             return
-        if len(self._known) >= MOST_TOKENS:
-            most, count = self._tokens.most_common(1)[0]
-            self.refuse(announcer_of(most))
-            self.forget_refused()
-            self._far.warn(f"session {most} is refused: of {MOST_TOKENS} tokens it has announced {count}")
-            if session in self.refused:
-                return
         if not self._is_right(node):
             return
+        if len(self._known) >= MOST_TOKENS:
+            self._make_room()
+            if self._is_full or session in self.refused:
+                return
         self._known[key] = _Known(node, token if isinstance(token, EndpointToken) else None)
         self._tokens[session] += 1
         of_node = self._nodes.setdefault(node.key, {})
@@ -135,6 +136,7 @@ class RosGraph:
         known = self._known.pop(key, None)
         if known is None:
             return
+        self._is_full = False
         self._unknown.pop(key, None)
         session = known.node.session
         self._tokens[session] -= 1
@@ -142,9 +144,10 @@ class RosGraph:
             del self._tokens[session]
         if known.token is not None and known.token.kind == "SS":
             kind = _kind_of(known.token)
-            del self._servers[kind][gid_of(key)]
-            if not self._servers[kind]:
-                del self._servers[kind]
+            servers = self._servers.get(kind, {})
+            servers.pop(gid_of(key), None)  # a hostile token may have had the same gid
+            if not servers:
+                self._servers.pop(kind, None)
         for endpoint in known.endpoints:
             self.publishers.pop(endpoint.gid, None)
             self._far.endpoint_removed(endpoint.gid, known.node.key)
@@ -178,6 +181,22 @@ class RosGraph:
 
     # --- inside
 
+    def _make_room(self) -> None:
+        """Refuse the session with most tokens, if it has many. Else there is no room for a new token."""
+        if self._is_full:
+            return
+        most, count = self._tokens.most_common(1)[0]
+        if count < _FEW_TOKENS:
+            self._is_full = True
+            self._far.warn(
+                f"{MOST_TOKENS:,} tokens of {len(self._tokens):,} sessions of ROS 2 are there, which is the "
+                "limit: nodes and endpoints that come now are left out until they are created again"
+            )
+            return
+        self.refuse(announcer_of(most))
+        self.forget_refused()
+        self._far.warn(f"session {most} is refused: of {MOST_TOKENS} tokens it has announced {count}")
+
     def _is_right(self, node: NodeToken) -> bool:
         try:
             validate_node_name(node.name)
@@ -194,6 +213,9 @@ class RosGraph:
         try:
             endpoints = self._of_topic(key, token) if is_of_topic else self._of_service(key, token)
         except BridgeError as error:
+            if len(self._unknown) >= MOST_UNKNOWN:
+                self._far.warn(TOO_MANY_UNKNOWN)
+                return
             self._unknown[key] = None
             self._far.warn(f"{what} of ROS 2 is left out: {error}")
         except ConfigurationError as error:
@@ -215,7 +237,7 @@ class RosGraph:
 
     def _of_service(self, key: str, token: EndpointToken) -> tuple[FarEndpoint, ...]:
         """The subscription first: otherwise a server could answer before the mirror of the client's is
-        there."""
+        there. No token has the key that its gid is made of: parts of keys are not empty."""
         requests, replies = request_topic(token.topic), reply_topic(token.topic)
         validate_full_topic_name(requests)
         types = self._services.find(token.type_name)
@@ -232,7 +254,7 @@ class RosGraph:
             return FarEndpoint(kind, gid, token.node.key, topic, schema.type_name, schema.type_hash, profile)
 
         return (
-            endpoint("subscription", gid_of(f"{key}/in"), *incoming),
+            endpoint("subscription", gid_of(f"{key}//in"), *incoming),
             endpoint("publisher", gid_of(key), *outgoing),
         )
 

@@ -6,14 +6,22 @@ this bus has it.
 
 from collections.abc import Callable
 from functools import cached_property
-from typing import Any
+from typing import Any, Final
 
 from bus.errors import ConfigurationError
 from bus.schema import MessageSchema, depth_for
 from bus_bridge.errors import BridgeError
 from bus_ros.cdr import Codec, codec_of
 
-__all__ = ["KnownType", "KnownTypes"]
+__all__ = ["MOST_UNKNOWN", "TOO_MANY_UNKNOWN", "KnownType", "KnownTypes"]
+
+MOST_UNKNOWN: Final = 1000
+"""Most endpoints of unknown types that an engine keeps, because their types may become known."""
+TOO_MANY_UNKNOWN: Final = (
+    f"more than {MOST_UNKNOWN:,} endpoints of ROS 2 have types that are not known here: "
+    "further ones are left out until they are created again"
+)
+"""A warning for the user."""
 
 
 class KnownType:
@@ -63,8 +71,11 @@ class KnownTypes:
         known = self._by_ros_name.get(type_name)
         if known is None:
             from bus.types.classes import message_class
+            from bus.types.definitions import exists
 
             try:
+                if not exists(type_name):  # a far side may name any number of missing types
+                    raise ConfigurationError(f"unknown interface '{type_name}'")
                 known = self.learn(MessageSchema.of(message_class(type_name)))
             except ConfigurationError as error:
                 raise BridgeError(

@@ -13,6 +13,7 @@ from msgspec import Meta, Raw
 from bus.errors import BusError, ConfigurationError
 from bus.schema import MessageSchema, schema_of
 from bus.types.classes import service_class
+from bus.types.definitions import exists
 from bus.types.service import GID_BYTES, message_of, service_support
 from bus_bridge.errors import BridgeError
 from bus_bridge.ros2 import samples
@@ -83,6 +84,8 @@ class ServiceTypes:
     def find(type_name: str) -> "ServiceTypes":
         """The types of a service of ROS 2, by its definition. Raises BridgeError if there is none."""
         try:
+            if not exists(type_name):
+                raise ConfigurationError(f"unknown interface '{type_name}'")
             found: Any = service_class(type_name)
             support = service_support(found)
         except BusError as error:

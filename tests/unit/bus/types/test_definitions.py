@@ -13,7 +13,15 @@ from bus.msg import PACKAGES
 from bus.msg.std_msgs import String
 from bus.types import classes, definitions
 from bus.types.classes import find_class, message_class, service_class
-from bus.types.definitions import definition_path, find_definition, find_message, full_name, names, packages
+from bus.types.definitions import (
+    definition_path,
+    exists,
+    find_definition,
+    find_message,
+    full_name,
+    names,
+    packages,
+)
 from bus.types.idl import Message
 from bus.types.schema import describe
 from bus.types.support import find_type, type_hash, type_support
@@ -259,6 +267,23 @@ def test_there_is_no_such_interface(name: str) -> None:
     with pytest.raises(ConfigurationError, match=r"^unknown interface"):
         message_class(name)
     assert find_class(name) is None
+
+
+def test_whether_there_is_a_definition() -> None:
+    there = [
+        "std_msgs/msg/String",
+        "std_srvs/srv/SetBool",
+        "std_srvs/srv/SetBool_Request",
+        "std_srvs/srv/SetBool_Event",
+        "example_interfaces/action/Fibonacci_FeedbackMessage",
+        "example_interfaces/action/Fibonacci_SendGoal_Request",
+    ]
+    for name in there:
+        assert exists(name), name
+        assert not exists(name.replace("String", "Strin").replace("SetBool", "SetB").replace("Fib", "F"))
+    for name in ("", "/", "_", "std_msgs", "std_msgs/String", "a/b/c/d", "std_msgs/msg/../msg/String"):
+        assert not exists(name), name
+    assert all(map(exists, READY_MADE))
 
 
 def test_the_nearest_name_is_told() -> None:

@@ -30,3 +30,10 @@ def test_a_message_lost_in_the_engine_counts_once_although_its_number_is_missing
     account.miss(1, in_engine=4)  # the numbers of two of them are no gap: they were the first
     account.miss(1, in_engine=4)
     assert account.lost == 4
+
+
+def test_losses_that_a_far_side_claims_have_a_limit() -> None:
+    account = Account()
+    for _ in range(3):
+        account.miss(2**63, in_engine=0)
+    assert account.losses == {"lost_on_the_way": 2**53 - 1}

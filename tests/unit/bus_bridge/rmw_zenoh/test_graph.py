@@ -11,7 +11,7 @@ from bus_bridge.engine import FarBus, FarEndpoint, FarNode
 from bus_bridge.rmw_zenoh import graph as module
 from bus_bridge.rmw_zenoh.graph import RosGraph, ServiceKind, announcer_of
 from bus_bridge.rmw_zenoh.keys import EndpointToken, Kind, NodeToken, gid_of, write_endpoint, write_node
-from bus_bridge.ros2.known_types import KnownTypes
+from bus_bridge.ros2.known_types import TOO_MANY_UNKNOWN, KnownTypes
 from bus_bridge.ros2.service_types import KnownServices, ServiceTypes
 
 pytest.importorskip("xxhash", reason="needs the extra rmw-zenoh: make setup installs it")
@@ -211,6 +211,7 @@ def test_a_refused_session_is_forgotten_and_stays_away(world: World) -> None:
 
 def test_too_many_tokens_cost_the_session_with_most(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "MOST_TOKENS", 10)
+    monkeypatch.setattr(module, "_FEW_TOKENS", 3)
     calm = TALKER._replace(session="cd", name="calm")
     world.graph.came(node(calm))
     for number in range(30):
@@ -219,6 +220,74 @@ def test_too_many_tokens_cost_the_session_with_most(world: World, monkeypatch: p
     assert list(world.graph.refused) == [ZID]
     assert [one.topic for one in world.far.endpoints.values()] == ["/fine"]
     assert world.far.warnings == [f"session {ZID} is refused: of 10 tokens it has announced 9"]
+
+
+def test_tokens_of_many_sessions_don_t_cost_one_that_was_there(
+    world: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Sessions are names in tokens: one program can announce any number of them."""
+    monkeypatch.setattr(module, "MOST_TOKENS", 10)
+    world.graph.came(node())
+    world.graph.came(endpoint())
+    others = [node(TALKER._replace(session=f"{number:x}", name="x")) for number in range(1, 30)]
+    for one in others:
+        world.graph.came(one)
+    assert (world.graph.sessions, len(world.far.nodes), [*world.graph.refused]) == (9, 9, [])
+    assert TALKER.key in world.far.nodes
+    assert world.far.warnings == [
+        "10 tokens of 9 sessions of ROS 2 are there, which is the limit: nodes and endpoints that come now "
+        "are left out until they are created again"
+    ]
+    world.graph.gone(others[0])
+    world.graph.came(others[-1])
+    assert len(world.far.nodes) == 9
+    assert len(world.far.warnings) == 1
+
+
+def test_endpoints_of_unknown_types_are_limited(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "MOST_UNKNOWN", 2)
+    keys = [
+        endpoint(topic=f"/t{number}", type_name="nowhere_msgs/msg/Thing", number=number)
+        for number in range(4)
+    ]
+    for key in keys:
+        world.graph.came(key)
+    assert [*world.graph._unknown] == keys[:2]
+    assert world.far.warnings[2:] == 2 * [TOO_MANY_UNKNOWN]
+    for key in keys:
+        world.graph.gone(key)
+    assert not world.graph._unknown
+    assert not world.far.nodes
+
+
+def test_no_token_has_the_gid_of_another_one_s_subscription(world: World) -> None:
+    key = endpoint("SS", "/trigger", TRIGGER.type_name, TRIGGER.type_hash)
+    for end in ("", "/in", "/in/in"):
+        world.graph.came(key + end)
+    world.graph.came(f"{key}//in")
+    assert len(world.far.endpoints) == 6
+
+
+def test_servers_with_the_same_gid(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The hash is no secret, so a hostile program can find such tokens."""
+    far: Any = Anything()
+    world.graph._far = far
+    monkeypatch.setattr(module, "gid_of", lambda key: bytes(16))
+    kind = ServiceKind("/trigger", TRIGGER.type_name, TRIGGER.type_hash)
+    keys = [endpoint("SS", *kind, number=number) for number in range(2)]
+    for key in keys:
+        world.graph.came(key)
+    for key in keys:
+        world.graph.gone(key)
+    assert world.graph.sessions == 0
+    assert not world.graph.servers_of(kind)
+
+
+class Anything(Far):
+    """As the bridge, which ignores news about gids that it does not know."""
+
+    def endpoint_added(self, endpoint: FarEndpoint) -> None: ...
+    def endpoint_removed(self, gid: bytes, node: str) -> None: ...
 
 
 def test_only_some_refusals_are_remembered(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
