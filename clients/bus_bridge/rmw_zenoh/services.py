@@ -25,7 +25,9 @@ __all__ = ["QOS", "RosClient", "RosServer", "RosServices"]
 
 QOS: Final = QoSProfile(10)
 """The profile that servers and clients announce, as those of ROS 2."""
-_MOST_QUESTIONS: Final = 10_000
+_MOST_BYTES: Final = 64 << 20
+"""Requests to one server of ours: at most so many bytes without an answer, and between zenoh's thread and the
+loop."""
 _MOST_CALLS: Final = 10_000
 """Calls of one client of ours without an answer."""
 _MOST_OF_CLIENT: Final = 1000
@@ -135,14 +137,20 @@ class RosServer:
     ) -> None:
         self.faulty = 0
         """Requests without an attachment or a payload."""
+        self.refused = 0
+        """Requests while too many others were without an answer."""
+        self.left_out = 0
+        """Requests without room between zenoh's thread and the loop. Only that thread writes it."""
         self._services = services
         self._service = service
         self._on_request = on_request
         self._key = data_key(services.domain, service, types.type_name, types.type_hash)
         self._open: dict[RequestId, Question] = {}
+        self._bytes = 0
+        """Of the requests in `_open`: zenoh keeps them."""
         self._is_closed = False
         session = services.session
-        self._source = session.source(self._take, _MOST_QUESTIONS, Question.drop, keeps_oldest=True)
+        self._source = session.source(self._take, _MOST_BYTES, self._leave_out, keeps_oldest=True)
         self._queryable = session.serve(self._key, self._source)
         token = services.make_token(node, "SS", service, types.type_name, types.type_hash, QOS)
         self._gid = gid_of(token)
@@ -159,7 +167,7 @@ class RosServer:
         return len(self._open)
 
     def answer(self, request: RequestId, cdr: bytes) -> bool:
-        question = self._open.pop(request, None)
+        question = self._pop(request)
         if question is None:
             return False
         head = attachment.write(request.number, time.time_ns(), request.client)
@@ -168,7 +176,7 @@ class RosServer:
         return True
 
     def drop(self, request: RequestId) -> None:
-        question = self._open.pop(request, None)
+        question = self._pop(request)
         if question is not None:
             question.drop()
 
@@ -197,15 +205,33 @@ class RosServer:
         if request in self._open:
             question.drop()
             return
-        if len(self._open) >= _MOST_OF_CLIENT and self._waiting_of(head.gid) >= _MOST_OF_CLIENT:
+        if why := self._why_refused(head.gid, len(question.payload)):
+            self.refused += 1
             self._services.warn(
-                f"{_MOST_OF_CLIENT:,} requests of a client in ROS 2 wait for answers of {self._service}, "
-                "which is the limit: further ones of it are ignored"
+                f"{why} wait for answers of {self._service}, which is the limit: further ones are ignored"
             )
             question.drop()
             return
+        self._bytes += len(question.payload)
         self._open[request] = question
         self._on_request(request, question.payload)
+
+    def _leave_out(self, question: Question) -> None:  # in zenoh's thread
+        self.left_out += 1
+        question.drop()
+
+    def _pop(self, request: RequestId) -> Question | None:
+        question = self._open.pop(request, None)
+        if question is not None:
+            self._bytes -= len(question.payload)
+        return question
+
+    def _why_refused(self, client: bytes, size: int) -> str:
+        if self._open and self._bytes + size > _MOST_BYTES:
+            return f"{_MOST_BYTES >> 20} MiB of requests in ROS 2"
+        if len(self._open) >= _MOST_OF_CLIENT and self._waiting_of(client) >= _MOST_OF_CLIENT:
+            return f"{_MOST_OF_CLIENT:,} requests of a client in ROS 2"
+        return ""
 
     def _waiting_of(self, client: bytes) -> int:
         return sum(one.client == client for one in self._open)
@@ -306,7 +332,8 @@ class RosClient:
                 future.set_result(Response(payload, self._server_in(session)))
 
         def on_end() -> None:
-            self._no_answer(future, "its server has gone")
+            is_there = self._services.find_servers(self._kind)
+            self._no_answer(future, "its server sent none" if is_there else "its server has gone")
 
         head = attachment.write(number, time.time_ns(), self._gid)
         give_up = self._asking.ask(cdr, head, on_answer, on_end)

@@ -25,9 +25,13 @@ __all__ = ["Asking", "Question", "RosOutlet", "RosSession"]
 _LOOPBACK: Final = "tcp/localhost:0"
 _MOST_BYTES: Final = 64 << 20
 """The largest message that is accepted, in all its fragments."""
+_QUESTION_BYTES: Final = 2048
+"""The cost of a request besides its payload."""
 _FOREVER_S: Final = 10.0 * 365 * 86_400
 """ROS 2's clients wait as long as they want; the end of a server ends its calls."""
 
+_MOST_LETTERS: Final = 300
+"""Bytes of a server's error that the user sees."""
 _WINDOW_BYTES: Final = 4 << 20
 """Messages of all reliable publishers that wait for room in a link."""
 
@@ -148,8 +152,7 @@ class Asking(Declared):
             if (sample := answer.ok) is not None:
                 call(on_answer, sample.payload.to_bytes(), _bytes_of(sample.attachment), "", session)
             else:
-                text = answer.err.payload.to_bytes()[:2000].decode("utf-8", "replace")
-                call(on_answer, b"", b"", text or "the server reports an error", session)
+                call(on_answer, b"", b"", _text_of(answer.err.payload.to_bytes()), session)
 
         def ask() -> None:
             try:
@@ -281,11 +284,11 @@ class RosSession(Session):
         return Declared(self, declare)
 
     def serve(self, key: str, source: Source[Question]) -> Declared:
-        """Answer requests: `source` gets each of them."""
+        """Answer requests: `source` gets each of them, with its size in bytes."""
 
         def see(query: Any) -> None:
             payload = b"" if query.payload is None else query.payload.to_bytes()
-            source.push(Question(query, payload, _bytes_of(query.attachment)))
+            source.push(Question(query, payload, _bytes_of(query.attachment)), len(payload) + _QUESTION_BYTES)
 
         return Declared(
             self,
@@ -332,3 +335,9 @@ class RosSession(Session):
 
 def _bytes_of(attachment: Any) -> bytes:
     return b"" if attachment is None else attachment.to_bytes()
+
+
+def _text_of(error: bytes) -> str:
+    """The error of a server, for a terminal."""
+    text = error[:_MOST_LETTERS].decode("utf-8", "replace")
+    return "".join(one if one.isprintable() else "?" for one in text) or "the server reports an error"

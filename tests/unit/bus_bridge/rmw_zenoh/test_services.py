@@ -35,8 +35,8 @@ class Declared:
 
 
 class Source:
-    def __init__(self, take: Callable[[Any], None]) -> None:
-        self.take = take
+    def __init__(self, take: Callable[[Any], None], lose: Callable[[Any], None]) -> None:
+        self.take, self.lose = take, lose
 
     def close(self) -> None: ...
 
@@ -97,7 +97,7 @@ class Session:
         self.asking: Asking
 
     def source(self, take: Any, bound: int, lose: Any, *, keeps_oldest: bool) -> Source:
-        self.sources.append(Source(take))
+        self.sources.append(Source(take, lose))
         return self.sources[-1]
 
     def serve(self, key: str, source: Source) -> Declared:
@@ -182,6 +182,25 @@ async def test_one_client_can_t_shut_out_the_others(world: World, monkeypatch: p
     assert world.warnings[0].startswith("3 requests of a client in ROS 2 wait for answers of /trigger")
 
 
+async def test_open_requests_have_a_limit_in_bytes(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(services, "_MOST_BYTES", 1 << 20)
+    server = world.serve()
+    large = bytes(600_000)
+    assert not world.ask(Question(1, payload=large)).is_dropped
+    assert world.ask(Question(2, OTHER, payload=large)).is_dropped
+    assert not world.ask(Question(3, OTHER)).is_dropped
+    assert world.warnings == [
+        "1 MiB of requests in ROS 2 wait for answers of /trigger, which is the limit: "
+        "further ones are ignored"
+    ]
+    assert server.refused == 1
+    server.drop(RequestId(ONE, 1, ONE))
+    assert not world.ask(Question(4, payload=large)).is_dropped
+    left_out = Question(5)
+    world.session.sources[0].lose(left_out)
+    assert (left_out.is_dropped, server.left_out) == (True, 1)
+
+
 async def test_requests_end_with_their_client_or_server(world: World) -> None:
     server = world.serve()
     mine, others = world.ask(Question(1)), world.ask(Question(1, OTHER))
@@ -232,7 +251,7 @@ async def test_calls_that_get_no_answer(world: World) -> None:
 
     with pytest.raises(BridgeError, match="a call of /trigger failed: broken"):
         await call(lambda on_answer, on_end: on_answer(b"", b"", "broken", ""))
-    with pytest.raises(NoServer, match="its server has gone"):
+    with pytest.raises(NoServer, match="a call of /trigger gets no answer: its server sent none"):
         await call(lambda on_answer, on_end: on_end())
 
     def go(*_: Any) -> None:

@@ -88,7 +88,7 @@ async def test_late_joiners_get_what_is_kept(sessions: tuple[RosSession, RosSess
 async def test_a_question_is_answered_or_ends(sessions: tuple[RosSession, RosSession]) -> None:
     one, other = sessions
     questions: list[Question] = []
-    source = one.source(questions.append, 10, Question.drop, keeps_oldest=True)
+    source = one.source(questions.append, 1 << 20, Question.drop, keeps_oldest=True)
     queryable = one.serve(KEY, source)
     asking = Asking(other, KEY)
     await until(lambda: asking.is_matched)
@@ -110,6 +110,13 @@ async def test_a_question_is_answered_or_ends(sessions: tuple[RosSession, RosSes
     give_up()
     await until(lambda: ends == [1, 2, 3])
     assert len(answers) == 1
+    questions.clear()
+    asking.ask(b"ask", b"", lambda *answer: answers.append(answer), lambda: ends.append(4))
+    await until(lambda: questions)
+    questions[0].query.reply_err(b"bad\x1b[2J\xff" + 1000 * b"x")
+    questions.pop().drop()
+    await until(lambda: ends == [1, 2, 3, 4])
+    assert answers[1][:3] == (b"", b"", "bad?[2J\ufffd" + 292 * "x")
     queryable.undeclare()
     await until(lambda: not asking.is_matched)
 
