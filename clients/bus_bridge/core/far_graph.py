@@ -5,7 +5,8 @@ Names are names on the wire. Some endpoints are known here but not mirrored: end
 namespace, endpoints that the rules forbid, and endpoints that came through this bus before.
 """
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Final, NamedTuple
 
 import msgspec
 
@@ -15,6 +16,9 @@ from bus_bridge.core.rules import Rules
 from bus_bridge.engine import FarBus, FarEndpoint, FarNode
 
 __all__ = ["FarGraph", "Mirrored", "MirroredNode", "Wrong"]
+
+_MANY: Final = 10
+"""An announcer with a tenth of the nodes or endpoints that a bus may have has many of them."""
 
 
 class MirroredNode(msgspec.Struct, frozen=True):
@@ -81,7 +85,8 @@ class FarGraph:
     """The graph of all far buses. `own_bus` is the id of this bus.
 
     Methods for news return faults in the news. The caller then removes the refused party with `forget`. If a
-    bus exceeds its limits, the fault names the announcer with most nodes and endpoints.
+    bus exceeds its limits, the fault names the announcer with most nodes and endpoints, or the newest one if
+    none has many.
     """
 
     def __init__(self, own_bus: str, bounds: Bounds, rules: Rules, naming: Naming) -> None:
@@ -183,8 +188,7 @@ class FarGraph:
             else:
                 self._outside[node.key] = 0
         if bus.nodes > self._bounds.nodes:
-            most = max(bus.announcers.values(), key=lambda one: len(one.nodes))
-            return most.wrong(_more_than(self._bounds.nodes, "nodes", len(most.nodes)))
+            return _excess(bus, self._bounds.nodes, "nodes", lambda one: len(one.nodes))
         return None
 
     def node_removed(self, key: str, now_s: float) -> Wrong | None:
@@ -218,8 +222,7 @@ class FarGraph:
         self._by_node.setdefault(endpoint.node, {})[endpoint.gid] = None
         self._choose(endpoint.gid)
         if announcer.bus.endpoints > self._bounds.endpoints:
-            most = max(announcer.bus.announcers.values(), key=lambda one: one.endpoints)
-            return most.wrong(_more_than(self._bounds.endpoints, "endpoints", most.endpoints))
+            return _excess(announcer.bus, self._bounds.endpoints, "endpoints", lambda one: one.endpoints)
         return None
 
     def endpoint_removed(self, gid: bytes, node: str, now_s: float) -> Wrong | None:
@@ -305,7 +308,19 @@ class FarGraph:
         return announcer.wrong(f"its nodes and endpoints come and go more than {rate} times in a second")
 
 
-def _more_than(bound: int, what: str, count: int) -> str:
+def _excess(bus: _Bus, bound: int, what: str, count_of: Callable[[_Announcer], int]) -> Wrong:
+    """The fault of a bus with more than `bound` nodes or endpoints: that of the announcer with most of them.
+
+    Exception: if no announcer has many, it is that of the newest one. Some programs can announce under any
+    number of names; the programs that were there before them stay.
+    """
+    most = max(bus.announcers.values(), key=count_of)
+    count = count_of(most)
     if count > bound:
-        return f"it has more than {bound} {what}"
-    return f"its bus has more than {bound} {what}, and it has {count} of them, more than any other"
+        return most.wrong(f"it has more than {bound} {what}")
+    if count * _MANY >= bound:
+        return most.wrong(
+            f"its bus has more than {bound} {what}, and it has {count} of them, more than any other"
+        )
+    newest = next(one for one in reversed(bus.announcers.values()) if count_of(one))
+    return newest.wrong(f"its bus has more than {bound} {what}, and it came last")

@@ -163,6 +163,23 @@ def test_of_many_tellers_the_one_with_most_is_refused() -> None:
     assert graph.buses == ["there"]
 
 
+def test_of_tellers_with_few_each_the_newest_is_refused() -> None:
+    graph = far(bounds=Bounds(nodes=30, endpoints=30))
+    for number in range(2):
+        assert not graph.node_added(node(f"old{number}", announcer="old"), 0)
+        assert not graph.endpoint_added(endpoint(number, f"old{number}"), 0)
+    for number in range(28):
+        assert not graph.node_added(node(f"{number}", announcer=f"name {number}"), 0)
+    wrong = graph.node_added(node("last", announcer="last"), 0)
+    assert wrong == Wrong("there", "last", "its bus has more than 30 nodes, and it came last")
+    graph.forget(wrong)
+    for number in range(2, 30):
+        assert not graph.endpoint_added(endpoint(number, f"{number - 2}"), 0)
+    wrong = graph.endpoint_added(endpoint(30, "0"), 0)
+    assert wrong == Wrong("there", "name 27", "its bus has more than 30 endpoints, and it came last")
+    assert {"old0", "old1"} <= graph.nodes.keys()
+
+
 def test_who_tells_too_much_alone_is_refused() -> None:
     graph = far(bounds=Bounds(nodes=2, endpoints=1, news_per_s=10))
     assert not graph.node_added(node("quiet", announcer="quiet"), 0)
