@@ -83,7 +83,7 @@ class Bridge:
         self.side = side
         self.engine = engine
         self.arguments = arguments
-        self.log = side.path.with_name(f"{side.name}_{engine}.log")
+        self.log = side.path.with_name(f"{side.name}{self.node.replace('/bridge', '')}.log")
         self.is_killed = False
         self.process = self._start()
 
@@ -104,7 +104,7 @@ class Bridge:
     @property
     def node(self) -> str:
         """The full name of its node."""
-        return f"/bridge_{self.engine}"
+        return "/bridge_rmw_zenoh" if "--rmw" in self.arguments else f"/bridge_{self.engine}"
 
     def restart(self) -> None:
         """Start it again after its end."""

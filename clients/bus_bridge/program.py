@@ -34,6 +34,9 @@ class Plan:
 
     def __init__(self, engine: str, table: BridgeTable) -> None:
         self._name = engine
+        # A bus may have a bridge to each middleware of ROS 2, and `bus bridge status` asks each by its name.
+        is_rmw_zenoh = isinstance(table, Ros2Table) and table.rmw == "zenoh"
+        self._node = "bridge_rmw_zenoh" if is_rmw_zenoh else f"bridge_{engine}"
         self._rules = Rules(table.allow, table.deny, table.topics, table=f"bridge.{engine}")
         self._naming = Naming(table.namespace or "")
         self._id = checked_id(table.id) if table.id is not None else None
@@ -48,7 +51,7 @@ class Plan:
         bus = self._id or _default_id(path)
         origin = Origin(bridge=self._name, bus=bus)
         arguments = ["--ros-args", "--log-level", log_level]
-        async with Node(f"bridge_{self._name}", arguments=arguments, socket=path, origin=origin) as node:
+        async with Node(self._node, arguments=arguments, socket=path, origin=origin) as node:
             options = BridgeOptions(bus=bus, rules=self._rules, naming=self._naming, socket=path)
             bridge = Bridge(node, self._make_engine(bus), options)
             log = node.get_logger()

@@ -87,6 +87,27 @@ async def test_missing_numbers_are_losses(ros: Ros) -> None:
     assert "they have no attachment of ROS 2's rmw_zenoh" in bridge.log.read_text()
 
 
+@on_one_loop
+async def test_a_bus_may_have_a_bridge_to_each_middleware(ros: Ros) -> None:
+    bridge = ros.bridge()
+    other = ros.side.bridge("ros2", "--id", "robot", "--carrier", "rtps", "--domain-id", str(ros.domain))
+    heard: list[str] = []
+    with ros.peer() as far:
+        async with ros.side.node("node") as node:
+            await node.create_subscription(String, "/theirs", 100, lambda one: heard.append(one.data))
+            publisher = await node.create_publisher(String, "/ours", 100)
+            await ask(far, "publish", topic="/theirs", **STRING)
+            await ask(far, "listen", topic="/ours", **STRING)
+            await publisher.wait_for_subscriptions()
+            publisher.publish(String(data="there"))
+            await ask(far, "send", topic="/theirs", messages=[text("here")])
+            await until(lambda: heard)
+            found = [one["cdr"] for one in await asyncio.to_thread(far.wait, "/ours", 1)]
+            buses = [{link["bus"] for link in one.status()["links"]} for one in (bridge, other)]
+    assert buses == [{"", f"rmw_zenoh{ros.domain}"}, {f"dds{ros.domain}"}]
+    assert (heard, found) == (["here"], [text("there")])
+
+
 @WAYS
 @on_one_loop
 async def test_a_publisher_of_the_bus_is_heard(ros: Ros, by: Way) -> None:
