@@ -110,8 +110,8 @@ class RmwZenohEngine:
         )
         self._ways = ServiceWays(self._services, self._known_services, b"", lambda node, guids, there: None)
         far.bus_added(FarBus(self.only_bus))
-        tokens = session.source(self._see_token, 2 * MOST_TOKENS, self._lose_token, keeps_oldest=True)
-        self._watch = session.watch_tokens(all_tokens(self._domain), tokens)
+        self._tokens = session.source(self._see_token, 2 * MOST_TOKENS, self._lose_token, keeps_oldest=True)
+        self._watch = session.watch_tokens(all_tokens(self._domain), self._tokens)
         self._looking = asyncio.get_running_loop().create_task(self._poll())
 
     async def close(self) -> None:
@@ -267,11 +267,13 @@ class RmwZenohEngine:
             # As in the engine for zenoh: if a link ends soon after another one began, tokens may be missing.
             # So ask for all of them again after a check without an ended link.
             seen, before = self._session.link_ends, seen
-            if heard != seen == before or self._lost_tokens:
+            if heard != seen == before:
                 heard = seen
-                if self._lost_tokens:
-                    self._far.warn("ROS 2 announced more than the bridge could read at once: it asks again")
-                    self._lost_tokens = 0
+                self._watch.renew()
+            if self._lost_tokens and self._tokens.is_empty:
+                self._far.warn("ROS 2 announced more than the bridge could read at once: it asks again")
+                self._lost_tokens = 0
+                self._graph.clear()  # a lost piece of news may be that a node has gone
                 self._watch.renew()
             self._intakes.sweep()
             await self._links.check()

@@ -159,6 +159,11 @@ class RosGraph:
             del self._nodes[known.node.key]
             self._far.node_removed(known.node.key)
 
+    def clear(self) -> None:
+        """Forget all tokens: news about some of them were lost. Ask for the present ones afterwards."""
+        for key in [*self._known]:
+            self.gone(key)
+
     def types_changed(self) -> None:
         """Try endpoints of unknown types again, because a type has become known."""
         unknown, self._unknown = self._unknown, {}

@@ -100,6 +100,11 @@ class Source(Generic[_T]):
         self.is_due = False
         self.is_closed = False
 
+    @property
+    def is_empty(self) -> bool:
+        """Whether `take` has got all items so far."""
+        return not self._things
+
     def push(self, thing: _T, size: int = 1) -> None:
         if self._put_in - self._taken_out - self._discarded + size > self._bound and self._things:
             if self._keeps_oldest:

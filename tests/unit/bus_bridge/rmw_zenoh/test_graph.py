@@ -238,10 +238,31 @@ def test_tokens_of_many_sessions_don_t_cost_one_that_was_there(
         "10 tokens of 9 sessions of ROS 2 are there, which is the limit: nodes and endpoints that come now "
         "are left out until they are created again"
     ]
-    world.graph.gone(others[0])
-    world.graph.came(others[-1])
-    assert len(world.far.nodes) == 9
-    assert len(world.far.warnings) == 1
+    for one in others[:7]:
+        world.graph.gone(one)
+    monkeypatch.setattr(module, "_FEW_TOKENS", 8)
+    for number in range(10, 20):
+        world.graph.came(endpoint(number=number))
+    assert [*world.graph.refused] == [ZID]  # with room, its share has grown
+
+
+def test_tokens_that_are_forgotten_may_come_again(world: World) -> None:
+    kind = ServiceKind("/trigger", TRIGGER.type_name, TRIGGER.type_hash)
+    keys = [
+        node(),
+        endpoint(),
+        endpoint("SS", *kind, number=3),
+        endpoint(type_name="no_msgs/msg/No", number=4),
+    ]
+    for key in keys:
+        world.graph.came(key)
+    before = {**world.far.nodes}, {**world.far.endpoints}
+    world.graph.clear()
+    assert (world.far.nodes, world.far.endpoints, world.graph.sessions) == ({}, {}, 0)
+    assert not world.graph.servers_of(kind)
+    for key in keys:
+        world.graph.came(key)
+    assert (world.far.nodes, world.far.endpoints) == before
 
 
 def test_endpoints_of_unknown_types_are_limited(world: World, monkeypatch: pytest.MonkeyPatch) -> None:

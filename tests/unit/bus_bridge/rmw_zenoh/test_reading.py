@@ -204,6 +204,21 @@ async def test_losses_of_early_messages_and_of_the_queue_add_up(
     intake.release()
 
 
+async def test_a_route_is_given_what_arrived_once_and_not_after_its_end(world: World) -> None:
+    other = world.intakes.hold(KEY, KNOWN)
+    reader = world.read()
+    cdr = b"".join(KNOWN.codec.encode(msgspec.msgpack.encode(("a",))))
+    assert [reader.receive(cdr, number, 7) for number in (1, 2)] == [True, False]
+    reader.give()
+    reader.give()
+    assert world.batches == [(ONE, [("a", 1, 7), ("a", 2, 7)])]
+    assert reader.receive(cdr, 3, 7)
+    reader.close()
+    reader.give()
+    assert len(world.batches) == 1
+    other.release()
+
+
 async def test_a_closed_route_gets_nothing_more(world: World) -> None:
     other = world.intakes.hold(KEY, KNOWN)
     reader = world.read()

@@ -277,11 +277,72 @@ async def _after(what: Callable[[], object]) -> None:
 async def test_a_client_waits_for_token_and_queryable(world: World) -> None:
     world.servers.clear()
     client = world.client()
-    waiting = asyncio.create_task(client.wait_until_ready())
-    await asyncio.sleep(0.03)
-    assert not waiting.done()
+    assert not client.is_ready
     world.servers[SERVER] = "ab"
+    world.session.asking.is_matched = False
+    assert not client.is_ready
+    waiting = asyncio.create_task(client.wait_until_ready())
+    await asyncio.sleep(0)
+    assert not waiting.done()
+    world.session.asking.is_matched = True
     await waiting
+
+
+async def test_calls_wait_while_one_server_of_several_is_there(world: World) -> None:
+    world.servers[OTHER] = "cd"
+    client = world.client()
+    task = asyncio.create_task(client.call(b"ask"))
+    await asyncio.sleep(0)
+    del world.servers[SERVER]
+    world.services.publisher_gone(SERVER)
+    await asyncio.sleep(0)
+    assert not task.done()
+    _, head, on_answer, _ = world.session.asking.asked[-1]
+    on_answer(b"right", attachment.write(1, 1, head.gid), "", "cd")
+    assert await task == (b"right", OTHER)
+
+
+async def test_many_calls_take_turns(world: World) -> None:
+    """A server of ROS 2 keeps ten requests, and forgets older ones."""
+    client = world.client()
+    asking = world.session.asking
+    tasks = [asyncio.create_task(client.call(b"ask")) for _ in range(16)]
+    await _turn()
+    assert (len(asking.asked), client.waiting) == (8, 16)
+    _, head, on_answer, _ = asking.asked[-1]
+    on_answer(b"", attachment.write(head.number, 1, head.gid), "", "ab")
+    await _turn()
+    assert len(asking.asked) == 16  # it has taken the earlier ones, too
+    client.close()
+    await asyncio.gather(*tasks, return_exceptions=True)
+
+
+async def test_a_closed_client_does_not_wait_for_the_calls_of_another_one(world: World) -> None:
+    first, second = world.client(), world.client()
+    tasks = [asyncio.create_task(first.call(b"ask")) for _ in range(8)]
+    await _turn()
+    last = asyncio.create_task(second.call(b"ask"))
+    await _turn()
+    assert second.waiting == 1
+    second.close()
+    await _turn()
+    assert last.done()
+    assert isinstance(last.exception(), NoServer)
+    first.close()
+    await asyncio.gather(*tasks, return_exceptions=True)
+
+
+async def test_turns_of_results_don_t_slow_down(world: World) -> None:
+    """A server answers requests for results when their goals end."""
+    results = world.services.turns_of("0/walk/_action/get_result/some_msgs::action::dds_::W_GetResult_/h")
+    assert (results._growth, world.services.turns_of(KEY)._growth) == (1.0, 4.0)
+    assert world.services.turns_of(KEY) is not results
+
+
+async def _turn() -> None:
+    """Let every task take the steps that it can take now."""
+    for _ in range(5):
+        await asyncio.sleep(0)
 
 
 async def test_a_call_that_is_given_up(world: World) -> None:

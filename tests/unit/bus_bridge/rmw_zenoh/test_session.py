@@ -3,48 +3,20 @@
 import asyncio
 import threading
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
 
 import pytest
 
 from bridged_world import until
-from ports import free_port
 
 pytest.importorskip("zenoh", reason="needs the extra rmw-zenoh: make setup installs it")
 
 from bus_bridge.rmw_zenoh import session as module
 from bus_bridge.rmw_zenoh.session import Asking, Question, RosOutlet, RosSession
-from bus_bridge.zenoh.options import ZenohOptions
+from rmw_zenoh_sessions import linked, zenoh_runs
+
+__all__ = ["zenoh_runs"]
 
 KEY = "0/a/b"
-
-
-@asynccontextmanager
-async def linked() -> AsyncIterator[tuple[RosSession, RosSession]]:
-    faults: list[Exception] = []
-    place = f"tcp/127.0.0.1:{free_port()}"
-    one = RosSession(ZenohOptions(listen=(place,)), faults.append)
-    other = RosSession(ZenohOptions(connect=(place,)), faults.append)
-    await one.open()
-    await other.open()
-    try:
-        await until(lambda: one.links() and other.links())
-        yield one, other
-    finally:
-        await one.close()
-        await other.close()
-    assert faults == []
-
-
-@pytest.fixture(scope="module", autouse=True)
-def zenoh_runs() -> None:
-    """zenoh's threads start with the first link, and keep their descriptors until the process ends."""
-
-    async def link() -> None:
-        async with linked():
-            pass
-
-    asyncio.run(link())
 
 
 @pytest.fixture
@@ -135,3 +107,16 @@ async def test_the_window_blocks_and_reports_room(
     await room.wait()
     assert sending.add(lambda: done.append("later"), 1, room.set)
     await until(lambda: done == ["always", "later"])
+
+
+async def test_a_failed_job_does_not_end_the_thread_that_sends(
+    sessions: tuple[RosSession, RosSession],
+) -> None:
+    one = sessions[0]
+    faults: list[Exception] = []
+    one._on_fault = faults.append
+    done: list[str] = []
+    one.sending.add(lambda: 1 // 0, 1)
+    one.sending.add(lambda: done.append("later"), 1)
+    await until(lambda: done and faults)
+    assert isinstance(faults[0], ZeroDivisionError)
