@@ -212,6 +212,30 @@ async def test_a_lossless_topic_waits_for_the_disk(node: bus.Node, bag: Bag) -> 
 
 
 @pytest.mark.usefixtures("route")
+async def test_messages_published_right_before_the_end(node: bus.Node, bag: Bag) -> None:
+    """By socket, busd may still have them when the recorder is asked to end."""
+    publisher = await node.create_publisher(Int32, "topic", 1000)
+    async with recording(bag):
+        await publisher.wait_for_subscriptions()
+        for number in range(200):
+            publisher.publish(Int32(data=number))
+    assert bag.losses()["/topic"] == TopicLosses(200, 200)
+
+
+async def test_the_end_does_not_wait_for_a_silent_busd(node: bus.Node, bag: Bag) -> None:
+    publisher = await node.create_publisher(Int32, "topic", 10)
+    async with recording(bag) as recorder:
+        await publisher.wait_for_subscriptions()
+        publisher.publish(Int32(data=1))
+        await until(lambda: recorder.pipeline.losses()["/topic"].written)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(recorder._node, "graph", asyncio.Event().wait)
+            recorder.stop()
+            await until(lambda: recorder.state is RecordingState.CLOSED)
+    assert bag.losses()["/topic"] == TopicLosses(1, 1)
+
+
+@pytest.mark.usefixtures("daemon", "route")
 async def test_a_flood_of_several_publishers(bag: Bag) -> None:
     """All messages are in the file, in the order in which they were published; each one by its own number.
 

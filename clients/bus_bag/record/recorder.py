@@ -32,7 +32,7 @@ _PERIOD_S = 0.9
 """Period in which incomplete chunks are closed: a crash loses at most this time."""
 _LOSSES_S = 10.0
 _STRAGGLERS_S = 0.3
-"""Time to wait at the end for busd's last counters."""
+"""Time to wait at the end for busd's last messages, and then for its last counters."""
 _PATIENCE_S = 1.0
 """Time that a disk may take for pending data if the recording must end at once."""
 _SPLIT_EVENT = "rosbag2_interfaces/msg/WriteSplitEvent"
@@ -211,8 +211,22 @@ class Recorder:
 
     # --- the end
 
+    async def _wait_for_busd(self) -> None:
+        """Wait until busd has delivered the messages that it received before.
+
+        By socket, a message counts as expected only after its arrival here. So the counters also add up while
+        busd has messages for this recorder. busd may answer the first request before it has read the
+        messages that arrived at the same moment, but not the second one.
+        """
+        with suppress(BusError, TimeoutError):
+            async with asyncio.timeout(_STRAGGLERS_S):
+                for _ in range(2):
+                    await self._node.graph()
+
     async def _finish(self) -> None:
         """Take all messages until the counters add up, then write them."""
+        if self.failure is None:
+            await self._wait_for_busd()
         topics = self._discovery.topics.values()
         end_s = self._loop.time() + _STRAGGLERS_S
         while self.failure is None:
