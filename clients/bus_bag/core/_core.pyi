@@ -9,7 +9,7 @@ class Program:
 
     def __new__(cls, operations: Buffer, /) -> Program: ...
     def records(
-        self, pack: Buffer, channel: int, log_time: int, base: int, /
+        self, pack: bytes, channel: int, log_time: int, base: int, /
     ) -> tuple[bytearray, bytes] | None:
         """The MCAP message records of packed messages, and their index: log time and offset of each.
 

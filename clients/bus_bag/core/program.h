@@ -43,7 +43,8 @@ enum {
     ASCII_AT_ONCE = 32
 };
 
-/* The part of a payload that was not read yet. */
+/* The part of a payload that was not read yet. It may be in the memory of a hostile publisher, so a byte that is checked
+ * and then used is read once. */
 struct payload {
     const uint8_t *at, *end;
 };
@@ -240,10 +241,13 @@ static inline bool read_count(struct payload *in, uint32_t *count)
 /* Reads the head of bytes (`first` is 0xc4) or of a long text (0xd9), and checks that all bytes exist. */
 static inline bool read_size(struct payload *in, uint8_t first, uint32_t *size)
 {
-    if (payload_left(in) == 0 || *in->at < first || *in->at > first + 2)
+    if (payload_left(in) == 0)
         return false;
+    const uint8_t head = *in->at;
     uint64_t number;
-    if (!read_behind(in, (size_t)1 << (*in->at - first), &number) || number > payload_left(in))
+    if (head < first || head > first + 2 || !read_behind(in, (size_t)1 << (head - first), &number))
+        return false;
+    if (number > payload_left(in))
         return false;
     *size = (uint32_t)number;
     return true;
@@ -349,7 +353,7 @@ static inline bool put_text(struct payload *in, struct cdr *out)
     } else if (!read_size(in, 0xd9, &size)) {
         return false;
     }
-    if (size == UINT32_MAX || !is_utf8(in->at, in->at + size) || !cdr_put_u32(out, size + 1))
+    if (size == UINT32_MAX || !cdr_put_u32(out, size + 1))
         return false;
     uint8_t *place = cdr_place(out, 1, (size_t)size + 1);
     if (place == NULL)
@@ -357,7 +361,7 @@ static inline bool put_text(struct payload *in, struct cdr *out)
     memcpy(place, in->at, size);
     place[size] = 0;
     in->at += size;
-    return true;
+    return is_utf8(place, place + size); /* the copy: its publisher may change a payload in shared memory */
 }
 
 /* Whether a list or bytes may have `count` items; `op` is the operation. Writes the count, if CDR has one. */

@@ -113,6 +113,10 @@ static PyObject *program_records(PyObject *object, PyObject *const *args, Py_ssi
         PyErr_SetString(PyExc_TypeError, "pack, channel, log_time and base are needed");
         return NULL;
     }
+    if (!PyBytes_Check(args[0])) { /* another buffer might change while the GIL is released, after it was checked */
+        PyErr_SetString(PyExc_TypeError, "pack must be bytes");
+        return NULL;
+    }
     const unsigned long channel = PyLong_AsUnsignedLong(args[1]);
     struct packing work = {.channel = (uint16_t)channel};
     if (!PyErr_Occurred() && channel > UINT16_MAX)
@@ -121,12 +125,10 @@ static PyObject *program_records(PyObject *object, PyObject *const *args, Py_ssi
         work.log_time = PyLong_AsUnsignedLongLong(args[2]);
     if (!PyErr_Occurred())
         work.base = PyLong_AsUnsignedLongLong(args[3]);
-    Py_buffer pack;
-    if (PyErr_Occurred() || PyObject_GetBuffer(args[0], &pack, PyBUF_SIMPLE) < 0)
+    if (PyErr_Occurred())
         return NULL;
-    PyObject *found = records_of((Program *)object, pack.buf, (size_t)pack.len, &work);
-    PyBuffer_Release(&pack);
-    return found;
+    const uint8_t *pack = (const uint8_t *)PyBytes_AsString(args[0]);
+    return records_of((Program *)object, pack, (size_t)PyBytes_Size(args[0]), &work);
 }
 
 /* The CDR message of a payload. *scratch: a buffer that grows as needed. NULL: an error is set, or without one, the

@@ -28,7 +28,7 @@ Order: TypeAlias = Literal["log_time", "publish_time"]
 Stamp: TypeAlias = tuple[int, int, int, object, object]
 """Publish time, log time, the publisher's number, and fields that are not used here: a `MessageInfo`."""
 
-Records: TypeAlias = Callable[[Buffer, int, int, int], tuple[Buffer, bytes] | None]
+Records: TypeAlias = Callable[[bytes, int, int, int], tuple[Buffer, bytes] | None]
 """Makes the records of a buffer of messages: see `bus_bag.core.Program.records`."""
 
 
@@ -139,7 +139,7 @@ class Gatherer(Protocol):
 class PackGatherer(Gatherer, Protocol):
     """Also gathers messages in one buffer."""
 
-    def add_packed(self, channel: int, log_time: int, data: Buffer, records: Records) -> int:
+    def add_packed(self, channel: int, log_time: int, data: bytes, records: Records) -> int:
         """Add messages of one topic, as `Subscription.take_packed` takes them; returns the bytes that they
         use. Returns 0 and adds nothing if `records` refuses them."""
         ...

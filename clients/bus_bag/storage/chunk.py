@@ -176,7 +176,7 @@ class ChunkBuilder:
         entries += array("Q", places)
         return self.size - begin
 
-    def add_packed(self, channel: int, log_time: int, data: Buffer, records: Records) -> int:
+    def add_packed(self, channel: int, log_time: int, data: bytes, records: Records) -> int:
         """See `PackGatherer`."""
         made = records(data, channel, log_time, self.size)
         if made is None:

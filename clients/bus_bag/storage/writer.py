@@ -135,7 +135,7 @@ class BagWriter:
         """Whether the storage has `write_packed`."""
         return self._packs is not None
 
-    def write_packed(self, channel: int, log_time: int, data: Buffer, records: Records) -> int:
+    def write_packed(self, channel: int, log_time: int, data: bytes, records: Records) -> int:
         """Add messages in one buffer; returns the bytes that they use. Returns 0 and adds nothing if
         `records` refuses them. See `PackGatherer`."""
         taken = 0 if self._packs is None else self._packs.add_packed(channel, log_time, data, records)

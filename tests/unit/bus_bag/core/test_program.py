@@ -290,6 +290,8 @@ class TestHostilePacks:
             (b"", -1, 0, 0),
             (b"", 0, -1, 0),
             (1, 1, 1, 1),
+            (bytearray(20), 1, 1, 1),
+            (memoryview(bytes(20)), 1, 1, 1),
             (b"", "a", 1, 1),
         ):
             with pytest.raises((TypeError, OverflowError)):
