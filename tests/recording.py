@@ -124,9 +124,11 @@ class Bag:
                 reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
                 count += sum(1 for _ in reader.iter_decoded_messages())
         with AnyReader([self.folder]) as others:
+            read = 0
             for connection, _, raw in others.messages():
                 others.deserialize(raw, connection.msgtype)
-            assert others.message_count == count
+                read += 1
+            assert read == others.message_count == count
         return count
 
     def losses(self, file: Path | None = None) -> dict[str, TopicLosses]:

@@ -277,6 +277,7 @@ class TestHostilePacks:
             of = codec(["list", item])
             payload = msgspec.msgpack.encode([[value] * 10_000])
             assert records(of, *[payload] * 3) == expected(of, *[payload] * 3)
+            assert records(of, *[payload] * 3, b"") is None  # refused, after the buffer was full
             program = program_of(of.shape)
             assert program is not None and program.messages((payload, b"")) is None
             assert program.messages((payload, payload)) == of.encode_many([payload] * 2)
