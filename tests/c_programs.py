@@ -58,7 +58,7 @@ def _build(folder: Path) -> None:
         path.write_text(header_of(name))
     made = (f"BUILD={folder}", f"SANITIZE={SANITIZE}", "CFLAGS=-O0 -g -Werror")
     run("make", "-s", "-C", CLIENT, "-j2", *made)
-    for name in ("peer", "repack", "service"):
+    for name in ("callbacks", "peer", "repack", "service"):
         compile_c(folder, SOURCES / f"{name}.c", folder / name)
     if not why_no_cpp():
         compile_cpp(folder, SOURCES / "peer.cpp", folder / "peer_cpp")

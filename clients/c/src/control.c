@@ -39,13 +39,13 @@ static int take_hello(struct message *m)
     const double lease_s = busd_find_real(m->body, "lease_s", 10);
     bus->lease_ns = lease_s > 0 && lease_s < 1e9 ? (int64_t)(lease_s * 1e9) : GIVE_UP_NS;
     set_timer(bus, HELLO, 0);
-    set_timer(bus, PING, now_ns() + bus->lease_ns / 3);
-    if (bus->was_connected) {
+    ping_due(bus);
+    if (bus->was_connected)
         set_timer(bus, STALE, now_ns() + GIVE_UP_NS);
+    const int status = declare_all(bus);
+    if (status == 0 && bus->was_connected)
         tell(bus, BUSD_CONNECTED, NULL, "connected to %s", bus->path);
-    }
-    declare_all(bus);
-    return 0;
+    return status;
 }
 
 static int take_fault(struct message *m)

@@ -76,44 +76,13 @@ static void endpoint_answer(struct endpoint *end, busd_in body, bool is_created)
         p->ring_bytes = busd_find_number(body, "ring_bytes", 0);
         room_announce(p);
         room_set_hold(p);
+        if (end->qos.lease_ns > 0)
+            ping_due(bus);
     } else {
         busd_subscription *s = (busd_subscription *)end;
         s->depth = end->qos.history == BUSD_KEEP_ALL ? 0 : busd_find_number(body, "depth", end->qos.depth);
         s->declared_ns = now_ns();
     }
-}
-
-/* Takes Created, Done or Refused. */
-void answer_take(busd_bus *bus, busd_in body, bool is_created)
-{
-    const uint64_t request = busd_find_number(body, "request", 0);
-    const bool is_refused = busd_find_is(body, "m", "refused");
-    const int answer = is_refused ? refusal(bus, body) : 0;
-    if (request == bus->awaited && bus->answered != request) {
-        bus->answer = answer;
-        bus->answered = request;
-    }
-    for (busd_node *node = bus->nodes; node != NULL; node = node->next) {
-        if (node->state != ASKED || node->request != request)
-            continue;
-        node->state = is_created ? DECLARED : REFUSED;
-        node->id = busd_find_number(body, "id", 0);
-        if (is_refused && request != bus->awaited)
-            tell(bus, BUSD_REFUSED, NULL, "node %s: %s", node->name, bus->error);
-        for (busd_publisher *p = bus->publishers; p != NULL; p = p->next)
-            if (p->end.node == node && p->end.state == UNDECLARED && is_created)
-                declare_endpoint(&p->end);
-        for (busd_subscription *s = bus->subscriptions; s != NULL; s = s->next)
-            if (s->end.node == node && s->end.state == UNDECLARED && is_created)
-                declare_endpoint(&s->end);
-        return;
-    }
-    for (busd_publisher *p = bus->publishers; p != NULL; p = p->next)
-        if (p->end.state == ASKED && p->end.request == request)
-            endpoint_answer(&p->end, body, is_created);
-    for (busd_subscription *s = bus->subscriptions; s != NULL; s = s->next)
-        if (s->end.state == ASKED && s->end.request == request)
-            endpoint_answer(&s->end, body, is_created);
 }
 
 /* --- declarations */
@@ -127,7 +96,10 @@ int declare_node(busd_node *node)
     field_number(&out, "request", node->request);
     field_text(&out, "name", node->name);
     field_text(&out, "namespace", node->ns);
-    return control_send(node->bus, &out, NULL, 0);
+    const int status = control_send(node->bus, &out, NULL, 0);
+    if (status < 0)
+        node->state = UNDECLARED;
+    return status;
 }
 
 static bool is_declared_with(const struct endpoint *other, const struct endpoint *end)
@@ -236,22 +208,68 @@ int declare_endpoint(struct endpoint *end)
     } else if (known != 0) {
         field_last_seqs(&out, s, known);
     }
-    return control_send(bus, &out, p != NULL ? &p->fd : NULL, has_ring);
+    const int status = control_send(bus, &out, p != NULL ? &p->fd : NULL, has_ring);
+    if (status < 0)
+        end->state = UNDECLARED;
+    return status;
 }
 
-/* After busd's Hello: everything of this process. */
-void declare_all(busd_bus *bus)
+/* Declares an endpoint of a node that busd knows again. If that can't be sent, the next connection tries it again. */
+static void declare_again(struct endpoint *end)
 {
+    busd_bus *bus = end->node->bus;
+    if (bus->sock >= 0 && declare_endpoint(end) < 0 && bus->sock >= 0)
+        lost(bus, NULL);
+}
+
+/* After busd's Hello: everything of this process. 0, or -errno with the reason in `error`. */
+int declare_all(busd_bus *bus)
+{
+    int status = 0;
     if (bus->shares) {
         const int fds[2] = {bus->bell, bus->readers_fd};
         busd_out out;
         control_begin(&out, "share", 1);
         field_number(&out, "descriptors", 2);
-        control_send(bus, &out, fds, 2);
+        status = control_send(bus, &out, fds, 2);
     }
-    for (busd_node *node = bus->nodes; node != NULL; node = node->next)
+    for (busd_node *node = bus->nodes; node != NULL && status == 0; node = node->next)
         if (node->state == UNDECLARED && !node->is_closed)
-            declare_node(node);
+            status = declare_node(node);
+    return status;
+}
+
+/* Takes Created, Done or Refused. */
+void answer_take(busd_bus *bus, busd_in body, bool is_created)
+{
+    const uint64_t request = busd_find_number(body, "request", 0);
+    const bool is_refused = busd_find_is(body, "m", "refused");
+    const int answer = is_refused ? refusal(bus, body) : 0;
+    if (request == bus->awaited && bus->answered != request) {
+        bus->answer = answer;
+        bus->answered = request;
+    }
+    for (busd_node *node = bus->nodes; node != NULL; node = node->next) {
+        if (node->state != ASKED || node->request != request)
+            continue;
+        node->state = is_created ? DECLARED : REFUSED;
+        node->id = busd_find_number(body, "id", 0);
+        if (is_refused && request != bus->awaited)
+            tell(bus, BUSD_REFUSED, NULL, "node %s: %s", node->name, bus->error);
+        for (busd_publisher *p = bus->publishers; p != NULL; p = p->next)
+            if (p->end.node == node && p->end.state == UNDECLARED && is_created)
+                declare_again(&p->end);
+        for (busd_subscription *s = bus->subscriptions; s != NULL; s = s->next)
+            if (s->end.node == node && s->end.state == UNDECLARED && is_created)
+                declare_again(&s->end);
+        return;
+    }
+    for (busd_publisher *p = bus->publishers; p != NULL; p = p->next)
+        if (p->end.state == ASKED && p->end.request == request)
+            endpoint_answer(&p->end, body, is_created);
+    for (busd_subscription *s = bus->subscriptions; s != NULL; s = s->next)
+        if (s->end.state == ASKED && s->end.request == request)
+            endpoint_answer(&s->end, body, is_created);
 }
 
 /* --- the life of nodes and endpoints */
@@ -284,8 +302,7 @@ static void end_endpoint(struct endpoint *end)
     if (end->is_closed)
         return;
     if (end->state == DECLARED && busd_is_connected(end->node->bus)) {
-        if (end->is_dirty)
-            report_send(end->node->bus);
+        report_last(end);
         control_simple(end->node->bus, "end-", 1, (const char *const[]){"endpoint"}, &end->id);
     }
     end->is_closed = true;
@@ -318,7 +335,6 @@ void busd_node_destroy(busd_node *node)
         return;
     busd_bus *bus = node->bus;
     flush(bus);
-    report_send(bus);
     bus->turns++; /* one sweep at the end */
     services_close(node);
     for (busd_publisher *p = bus->publishers; p != NULL; p = p->next)

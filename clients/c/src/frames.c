@@ -13,7 +13,6 @@
 #include "internal.h"
 #include "stream.h"
 
-#define REFS_PAUSE_NS INT64_C(50000000)
 #define READ_BYTES 65536u
 
 /* --- control messages to busd */
@@ -113,7 +112,7 @@ int control_send(busd_bus *bus, busd_out *out, const int *fds, unsigned fd_count
     }
     if (status < 0) {
         frame_free(frame);
-        return status;
+        return fail(bus, -status, "%s", status == -ENOTCONN ? "busd is away" : status == -EMFILE ? "no descriptors are left" : "no memory");
     }
     const uint32_t length = (uint32_t)frame->size - 4;
     memcpy(frame->bytes, &length, 4);
@@ -163,7 +162,7 @@ static ssize_t send_parts(busd_bus *bus, struct iovec *parts, size_t count, cons
     if (sent >= 0)
         return sent;
     if (errno == ETOOMANYREFS)
-        set_timer(bus, FLUSH, now_ns() + REFS_PAUSE_NS);
+        set_timer(bus, FLUSH, now_ns() + FLUSH_PAUSE_NS);
     else if (errno == EAGAIN || errno == EINTR || errno == ENOBUFS)
         bus->is_blocked = true;
     else {
@@ -316,16 +315,16 @@ int read_more(busd_bus *bus)
         char bytes[CMSG_SPACE(8 * sizeof(int))];
     } control;
     if (!make_room(bus))
-        return -ENOMEM;
+        return fail(bus, ENOMEM, "no memory for a message of busd");
     struct iovec part = {bus->in + bus->in_end, bus->in_room - bus->in_end};
     struct msghdr message = {
         .msg_iov = &part, .msg_iovlen = 1, .msg_control = control.bytes, .msg_controllen = sizeof control};
     const ssize_t size = recvmsg(bus->sock, &message, MSG_DONTWAIT | MSG_CMSG_CLOEXEC);
     if (size < 0)
-        return errno == EAGAIN || errno == EINTR ? 0 : -errno;
+        return errno == EAGAIN || errno == EINTR ? 0 : fail(bus, errno, "%s", strerror(errno));
     take_descriptors(bus, &message);
     if (size == 0)
-        return -ECONNRESET;
+        return fail(bus, ECONNRESET, "busd has gone");
     bus->in_end += (size_t)size;
     return 1;
 }

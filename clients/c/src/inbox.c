@@ -34,6 +34,9 @@ void sample_free(busd_subscription *sub, struct sample *sample)
         free(sample);
 }
 
+/* Memory of a sample, which for a short one is mostly its head. */
+static size_t sample_bytes(const struct sample *sample) { return sizeof *sample + sample->room; }
+
 /* Takes the oldest sample out of the queue, which is not empty. */
 struct sample *inbox_pop(busd_subscription *sub)
 {
@@ -41,7 +44,7 @@ struct sample *inbox_pop(busd_subscription *sub)
     if ((sub->first = sample->next) == NULL)
         sub->last = &sub->first;
     sub->queued--;
-    sub->queued_bytes -= sample->size;
+    sub->queued_bytes -= sample_bytes(sample);
     sub->queued_replays -= sample->is_replay;
     return sample;
 }
@@ -54,6 +57,9 @@ static void drop_oldest(busd_subscription *sub, enum reason reason)
     sample_free(sub, sample);
 }
 
+/* Whether the sample must not be lost. Its publisher sends at most a window without acknowledgements. */
+static bool is_kept(const struct sample *sample) { return sample->source != NULL && sample->source->is_lossless; }
+
 /* Adds a sample. Above the bounds, the oldest samples are dropped. History does not count against the depth. */
 void inbox_add(busd_subscription *sub, struct sample *sample)
 {
@@ -61,15 +67,16 @@ void inbox_add(busd_subscription *sub, struct sample *sample)
     *sub->last = sample;
     sub->last = &sample->next;
     sub->queued++;
-    sub->queued_bytes += sample->size;
+    sub->queued_bytes += sample_bytes(sample);
     sub->queued_replays += sample->is_replay;
     while (sub->depth != 0 && sub->queued - sub->queued_replays > sub->depth)
         drop_oldest(sub, REPLACED);
-    while (!sub->end.is_lossless && sub->queued_bytes > INBOX_BYTES && sub->queued > 1)
+    while (sub->queued_bytes > INBOX_BYTES && sub->queued > 1 && !is_kept(sub->first))
         drop_oldest(sub, MEMORY_LIMIT);
 }
 
-/* Adds the samples of a run, without those that came before. `body`: after the frame's first 8 bytes. 0 or -EPROTO. */
+/* Adds the samples of a run, without those that came before. `body`: after the frame's first 8 bytes. 0, -EPROTO
+ * or -ENOMEM. */
 int inbox_run(busd_subscription *sub, const unsigned char *body, size_t size, unsigned flags)
 {
     uint32_t number, count, payload;
@@ -101,7 +108,7 @@ int inbox_run(busd_subscription *sub, const unsigned char *body, size_t size, un
         }
         struct sample *sample = sample_new(sub, payload);
         if (sample == NULL)
-            return -ENOMEM;
+            return fail(sub->end.node->bus, ENOMEM, "%s: no memory for a message of %u bytes", sub->end.topic, payload);
         memcpy(sample->bytes, bytes, payload);
         sample->size = payload;
         sample->source = source;

@@ -43,6 +43,8 @@
 #define SLOTS 1020u                      /* of a process's readers' segment */
 #define SECOND_NS INT64_C(1000000000)
 #define GIVE_UP_NS (10 * SECOND_NS)      /* without an answer; and until an endpoint that is away counts as gone */
+#define FLUSH_PAUSE_NS (SECOND_NS / 20)
+#define LEAST_BEAT_NS (SECOND_NS / 100)  /* between pings */
 #define FRAME_CONTROL 1u
 #define FRAME_DATA 2u
 #define FLAG_REPLAY 1u
@@ -142,6 +144,7 @@ struct endpoint {
     enum declared state;
     bool is_publisher, is_lossless, is_dirty, is_closed;
     uint64_t window_samples, window_bytes;
+    uint64_t round; /* of the last report, see reports.c */
 };
 
 /* A publisher's match. With a gate it is attached. */
@@ -171,7 +174,8 @@ struct busd_publisher {
     uint64_t sent_seq, credit, flying_bytes, max_message_bytes;
     size_t socket_matches;
     int64_t stream_until_ns; /* after busd was away */
-    bool is_streaming, was_streaming, is_resumed;
+    bool is_streaming, is_resumed;
+    bool owes_sign;          /* of life, because busd reads nothing at the moment */
     uint64_t samples, bytes, replaced;
 };
 
@@ -224,8 +228,6 @@ struct busd_subscription {
     uint64_t dropped[REASONS];           /* here, and by earlier busds */
     uint64_t dropped_by_busd[REASONS];
     uint64_t age_count, age_sum_ns, age_max_ns;
-    bool is_scratch_used;
-    unsigned char scratch[COPY_BYTES + 8];
 };
 
 /* --- services */
@@ -275,6 +277,7 @@ struct busd_bus {
     bool was_connected, watches_output;
     bool is_blocked; /* the socket takes no more at the moment */
     int turns;       /* inside of calls that may call back */
+    int waits;       /* inside of busd_publisher_wait(), which uses the publisher after the turn */
     int64_t lease_ns, at[TIMERS], timer_at, retry_ns;
     unsigned char *in;
     size_t in_begin, in_end, in_room;
@@ -282,6 +285,7 @@ struct busd_bus {
     unsigned batch_count;
     struct frame_list control;
     struct frame *current;  /* partly sent */
+    uint64_t rounds; /* of reports */
     uint64_t requests, answered, awaited;
     int answer;             /* to the request `answered`: 0 or -errno, the text in `error` */
     bool shares;            /* this process may share memory */
@@ -314,6 +318,7 @@ void set_timer(busd_bus *bus, enum timer timer, int64_t at_ns);
 void lost(busd_bus *bus, const char *reason);
 int take_in(busd_bus *bus);
 void sweep_unless_in_turn(busd_bus *bus);
+void ping_due(busd_bus *bus);
 
 /* frames.c */
 void control_begin(busd_out *out, const char *tag, unsigned fields);
@@ -335,7 +340,7 @@ int control_take(busd_bus *bus, const unsigned char *bytes, size_t size);
 /* declare.c */
 int declare_node(busd_node *node);
 int declare_endpoint(struct endpoint *end);
-void declare_all(busd_bus *bus);
+int declare_all(busd_bus *bus);
 void answer_take(busd_bus *bus, busd_in body, bool is_created);
 int await(busd_bus *bus, uint64_t request);
 void endpoint_free(struct endpoint *end);
@@ -431,6 +436,7 @@ void service_free(struct service *service);
 /* reports.c */
 void report_due(struct endpoint *end);
 void report_send(busd_bus *bus);
+void report_last(struct endpoint *end);
 void report_dropped(busd_subscription *sub, busd_in body);
 
 #endif

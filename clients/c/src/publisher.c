@@ -59,12 +59,11 @@ int busd_publish(busd_publisher *p, const void *data, size_t size)
     return busd_publish_loan(p, size);
 }
 
-int busd_publisher_wait(busd_publisher *p, int timeout_ms)
+static int wait_for_room(busd_publisher *p, int64_t until_ns)
 {
     busd_bus *bus = p->end.node->bus;
-    const int64_t until = timeout_ms < 0 ? INT64_MAX : now_ns() + timeout_ms * INT64_C(1000000);
     while (!room_is_there(p)) {
-        const int64_t left_ns = until - now_ns();
+        const int64_t left_ns = until_ns - now_ns();
         if (left_ns <= 0)
             return 0;
         const int status = busd_wait(bus, (int)sizes_min((uint64_t)left_ns / 1000000 + 1, 1000));
@@ -76,11 +75,26 @@ int busd_publisher_wait(busd_publisher *p, int timeout_ms)
     return 1;
 }
 
+int busd_publisher_wait(busd_publisher *p, int timeout_ms)
+{
+    busd_bus *bus = p->end.node->bus;
+    bus->waits++; /* a callback may destroy the publisher */
+    const int status = wait_for_room(p, timeout_ms < 0 ? INT64_MAX : now_ns() + timeout_ms * INT64_C(1000000));
+    bus->waits--;
+    sweep_unless_in_turn(bus);
+    return status;
+}
+
 int busd_publisher_assert_liveliness(busd_publisher *p)
 {
+    busd_bus *bus = p->end.node->bus;
     if (p->end.state != DECLARED)
-        return fail(p->end.node->bus, ENOTCONN, "busd is away");
-    control_simple(p->end.node->bus, "alive", 1, (const char *const[]){"publisher"}, &p->end.id);
+        return fail(bus, ENOTCONN, "busd is away");
+    p->owes_sign = bus->control.first != NULL; /* else the queue would grow while busd reads nothing */
+    if (p->owes_sign)
+        set_timer(bus, FLUSH, now_ns() + FLUSH_PAUSE_NS);
+    else
+        control_simple(bus, "alive", 1, (const char *const[]){"publisher"}, &p->end.id);
     return 0;
 }
 

@@ -75,29 +75,53 @@ static void report_subscription(busd_bus *bus, busd_subscription *sub)
         report_due(&sub->end); /* nothing else reports when they are taken */
 }
 
-/* Sends the reports that are due. */
+static void report_one(struct endpoint *end)
+{
+    busd_bus *bus = end->node->bus;
+    end->is_dirty = false;
+    end->round = bus->rounds;
+    if (end->is_publisher)
+        report_publisher(bus, (busd_publisher *)end);
+    else
+        report_subscription(bus, (busd_subscription *)end);
+}
+
+static bool is_due(const struct endpoint *end)
+{
+    return end->is_dirty && end->state == DECLARED && end->round != end->node->bus->rounds;
+}
+
+/* Sends some of the reports that are due. In a round each endpoint has its turn once. */
 void report_send(busd_bus *bus)
 {
     int left = SOME;
     set_timer(bus, REPORT, 0);
     if (!busd_is_connected(bus))
         return;
-    for (busd_publisher *p = bus->publishers; p != NULL && left > 0; p = p->next) {
-        if (!p->end.is_dirty || p->end.state != DECLARED)
-            continue;
-        p->end.is_dirty = false;
-        report_publisher(bus, p);
-        left--;
-    }
-    for (busd_subscription *s = bus->subscriptions; s != NULL && left > 0; s = s->next) {
-        if (!s->end.is_dirty || s->end.state != DECLARED)
-            continue;
-        s->end.is_dirty = false;
-        report_subscription(bus, s);
-        left--;
-    }
-    if (left == 0)
+    if (bus->control.first != NULL) { /* busd reads nothing: the queue must not grow */
         set_timer(bus, REPORT, now_ns() + PAUSE_NS);
+        return;
+    }
+    for (busd_publisher *p = bus->publishers; p != NULL && left > 0; p = p->next)
+        if (is_due(&p->end)) {
+            report_one(&p->end);
+            left--;
+        }
+    for (busd_subscription *s = bus->subscriptions; s != NULL && left > 0; s = s->next)
+        if (is_due(&s->end)) {
+            report_one(&s->end);
+            left--;
+        }
+    bus->rounds += left > 0;
+    if (left != SOME) /* those that have had their turn may be due again */
+        set_timer(bus, REPORT, now_ns() + (left > 0 ? REPORT_NS : PAUSE_NS));
+}
+
+/* The last report of an endpoint that ends. */
+void report_last(struct endpoint *end)
+{
+    if (end->is_dirty)
+        report_one(end);
 }
 
 /* Dropped: busd's totals of the samples that it dropped for a subscription. */

@@ -61,7 +61,7 @@ static int envelope_publish(busd_publisher *publisher, const busd_call *call, co
     return busd_publish_loan(publisher, out.size);
 }
 
-/* --- what both ends have */
+/* --- both ends */
 
 static bool is_call(const busd_call *a, const busd_call *b)
 {
@@ -138,20 +138,34 @@ static int service_create(struct service *service, busd_node *node, const char *
     return 0;
 }
 
+static void end_calls(struct service *service, int status, const char *error)
+{
+    struct call *call = service->calls;
+    service->calls = NULL; /* an answer may begin another call */
+    while (call != NULL) {
+        struct call *next = call->next;
+        call->answer(call->user, status, error, NULL);
+        free(call);
+        call = next;
+    }
+}
+
 static void service_destroy(struct service *service)
 {
     if (service->is_closed)
         return;
-    service->is_closed = true;
+    service->is_closed = true; /* an answer can't begin another call now */
     busd_bus *bus = service->node->bus;
-    bus->turns++; /* one sweep at the end */
+    bus->turns++; /* one sweep at the end; and answers may destroy, too */
+    if (service->is_client)
+        end_calls(service, -ECANCELED, "the client was destroyed");
     busd_subscription_destroy(service->subscription);
     busd_publisher_destroy(service->publisher);
     bus->turns--;
     sweep_unless_in_turn(bus);
 }
 
-/* Frees a closed service. Its pending calls have ended. */
+/* Frees a closed service, and the open calls of a server. */
 void service_free(struct service *service)
 {
     while (service->calls != NULL)
@@ -276,6 +290,8 @@ int busd_client_create(busd_node *node, const char *name, const busd_service_typ
 int busd_client_call(busd_client *client, const void *body, size_t size, busd_answer *callback, void *user)
 {
     busd_call id = {.number = client->numbers};
+    if (client->service.is_closed)
+        return fail(client->service.node->bus, ECANCELED, "the client was destroyed");
     if (busd_client_servers(client) == 0)
         return fail(client->service.node->bus, EHOSTUNREACH, "%s has no server", client->service.publisher->end.topic);
     memcpy(id.client, client->service.publisher->end.gid, sizeof id.client);
@@ -294,24 +310,10 @@ int busd_client_call(busd_client *client, const void *body, size_t size, busd_an
 
 int busd_client_servers(const busd_client *client) { return busd_publisher_matches(client->service.publisher); }
 
-static void end_calls(struct service *service, int status, const char *error)
-{
-    struct call *call = service->calls;
-    service->calls = NULL; /* an answer may begin another call */
-    while (call != NULL) {
-        struct call *next = call->next;
-        call->answer(call->user, status, error, NULL);
-        free(call);
-        call = next;
-    }
-}
-
 void busd_client_destroy(busd_client *client)
 {
-    if (client == NULL || client->service.is_closed)
-        return;
-    end_calls(&client->service, -ECANCELED, "the client was destroyed");
-    service_destroy(&client->service);
+    if (client != NULL)
+        service_destroy(&client->service);
 }
 
 /* A publisher's matches have changed: if it is of a client, its pending calls may have lost their server, or their

@@ -76,14 +76,29 @@ void set_timer(busd_bus *bus, enum timer timer, int64_t at_ns)
     timerfd_settime(bus->timer, TFD_TIMER_ABSTIME, &spec, NULL);
 }
 
-static void do_ping(busd_bus *bus, int64_t now)
+/* The longest pause between pings: a third of the shortest lease. */
+static int64_t beat_ns(const busd_bus *bus)
 {
     int64_t lease = bus->lease_ns;
     for (const busd_publisher *p = bus->publishers; p != NULL; p = p->next)
-        if (p->end.qos.lease_ns != 0 && p->end.qos.lease_ns < lease)
+        if (p->end.qos.lease_ns > 0 && p->end.qos.lease_ns < lease)
             lease = p->end.qos.lease_ns;
-    set_timer(bus, PING, now + lease / 3);
-    control_simple(bus, "ping", 0, NULL, NULL);
+    return (int64_t)sizes_max((uint64_t)lease / 3, LEAST_BEAT_NS);
+}
+
+/* Pings in time, after a lease was added. */
+void ping_due(busd_bus *bus)
+{
+    const int64_t at = now_ns() + beat_ns(bus);
+    if (bus->at[PING] == 0 || at < bus->at[PING])
+        set_timer(bus, PING, at);
+}
+
+static void do_ping(busd_bus *bus, int64_t now)
+{
+    set_timer(bus, PING, now + beat_ns(bus));
+    if (bus->control.first == NULL) /* else that is the sign of life, once busd reads it */
+        control_simple(bus, "ping", 0, NULL, NULL);
 }
 
 static int connect_once(busd_bus *bus);
@@ -135,6 +150,9 @@ static void do_flush(busd_bus *bus, int64_t now)
 {
     (void)now;
     flush(bus);
+    for (busd_publisher *p = bus->publishers; p != NULL; p = p->next)
+        if (p->owes_sign)
+            busd_publisher_assert_liveliness(p);
 }
 
 static void (*const due[TIMERS])(busd_bus *bus, int64_t now) = {
@@ -203,8 +221,10 @@ void lost(busd_bus *bus, const char *reason)
     const bool was_open = bus->is_open;
     if (reason != NULL)
         fail(bus, 0, "%s", reason);
-    if (bus->sock >= 0)
+    if (bus->sock >= 0) {
+        epoll_ctl(bus->epoll, EPOLL_CTL_DEL, bus->sock, NULL); /* close() does not do it if a forked child has the socket */
         close(bus->sock);
+    }
     bus->sock = -1;
     bus->is_open = bus->is_leaving = false;
     frames_drop(bus);
@@ -268,15 +288,17 @@ int take_in(busd_bus *bus)
                 uint32_t id;
                 memcpy(&id, frame + HEAD_BYTES, 4);
                 for (busd_subscription *s = bus->subscriptions; s != NULL && status > 0; s = s->next)
-                    if (s->end.id == id && s->end.state == DECLARED && inbox_run(s, frame + HEAD_BYTES, length - 4, frame[5]) < 0)
-                        status = fail(bus, EPROTO, "busd sent a run that is shorter than it claims");
+                    if (s->end.id == id && s->end.state == DECLARED)
+                        status = inbox_run(s, frame + HEAD_BYTES, length - 4, frame[5]);
+                if (status == -EPROTO)
+                    fail(bus, EPROTO, "busd sent a run that is shorter than it claims");
             }
             status = status == 0 ? 1 : status;
         }
         if (bus->sock < 0)
             return -ENOTCONN;
         if (status < 0) {
-            lost(bus, status == -ECONNRESET ? "busd has gone" : status == -EPROTO || status == -EAGAIN ? NULL : strerror(-status));
+            lost(bus, NULL);
             return status;
         }
     }
@@ -329,7 +351,7 @@ int busd_connect(busd_bus **place, const char *path, const char *program)
     busd_bus *bus = *place = calloc(1, sizeof *bus);
     if (bus == NULL)
         return -ENOMEM;
-    *bus = (busd_bus){.pid = getpid(), .epoll = -1, .sock = -1, .bell = -1, .timer = -1, .readers_fd = -1};
+    *bus = (busd_bus){.pid = getpid(), .epoll = -1, .sock = -1, .bell = -1, .timer = -1, .readers_fd = -1, .rounds = 1};
     bus->control.end = &bus->control.first;
     snprintf(bus->program, sizeof bus->program, "%s", program != NULL ? program : program_invocation_short_name);
     const int length = path == NULL ? socket_path(bus->path, sizeof bus->path) : snprintf(bus->path, sizeof bus->path, "%s", path);
@@ -417,7 +439,7 @@ static void sweep_closed(busd_bus *bus)
 
 void sweep_unless_in_turn(busd_bus *bus)
 {
-    if (bus->turns == 0)
+    if (bus->turns == 0 && bus->waits == 0)
         sweep_closed(bus);
 }
 
@@ -484,7 +506,7 @@ static void send_rest(busd_bus *bus)
     flush(bus);
     while (bus->sock >= 0 && !bus->is_leaving && now_ns() < until
            && (bus->current != NULL || bus->control.first != NULL || streams_wait(bus))) {
-        struct pollfd poller = {.fd = bus->sock, .events = POLLIN | POLLOUT};
+        struct pollfd poller = {.fd = bus->sock, .events = (short)(POLLIN | (bus->is_blocked ? POLLOUT : 0))};
         poll(&poller, 1, 10);
         flush(bus);
         if (bus->sock >= 0 && poller.revents & POLLIN)
@@ -497,6 +519,8 @@ void busd_close(busd_bus *bus)
     if (bus == NULL)
         return;
     bus->event = NULL;
+    if (bus->turns != 0)
+        return; /* the caller of the callback still uses it */
     if (bus->pid == getpid()) {
         send_rest(bus);
         bus->turns++; /* one sweep at the end */

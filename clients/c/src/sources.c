@@ -267,6 +267,7 @@ void subscription_matched(busd_subscription *sub, busd_in body, busd_in qos, con
     if (source == NULL)
         return;
     const bool is_new = source->number == 0, was_gone = source->is_gone, is_back = source->is_stale;
+    const bool is_tap = busd_find_number(body, "is_tap", 0) != 0; /* read now: a callback can replace the received bytes */
     const double lifespan_s = busd_find_real(qos, "lifespan", 0);
     source->number = busd_find_number(body, "other", 0);
     source->lifespan_ns = lifespan_s > 0 && lifespan_s < 1e9 ? (uint64_t)(lifespan_s * 1e9) : 0;
@@ -292,7 +293,7 @@ void subscription_matched(busd_subscription *sub, busd_in body, busd_in qos, con
                            (const uint64_t[]){sub->end.id, source->number, source->seat->number});
     }
     report_due(&sub->end);
-    if (busd_find_number(body, "is_tap", 0) == 0 && !is_back)
+    if (!is_tap && !is_back)
         tell(bus, BUSD_MATCHED, &sub->end, "%s has a publisher by %s", sub->end.topic,
              source->is_by_ring ? "shared memory" : "socket");
 }

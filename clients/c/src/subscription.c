@@ -1,8 +1,8 @@
 /* The calls of a subscription. Samples by socket come before those in rings: if a match has changed its route, they are
  * older.
  *
- * A held message is one of three things, told by the lowest bits of `held`: a pinned record, a copy of its own, or a
- * copy in the subscription's scratch.
+ * A held message is a pinned record or a copy of its own. The lowest bit of `held` tells which. Neither needs the
+ * subscription, which may be destroyed before.
  */
 #include <stdlib.h>
 
@@ -11,7 +11,7 @@
 #define SOURCE_BYTES 16u
 #define AGE_EVERY 32u /* samples, for one age */
 
-enum { HELD_PIN, HELD_COPY, HELD_SCRATCH, HELD_MASK };
+enum { HELD_PIN, HELD_COPY, HELD_MASK = 1 };
 
 static void *held(void *thing, unsigned kind) { return (char *)thing + kind; }
 
@@ -82,19 +82,16 @@ static enum ring_status take_pinned(struct source *source, const struct ring_rec
 static enum ring_status take_copy(busd_subscription *sub, struct source *source, const struct ring_record *record,
                                   busd_message *message)
 {
-    struct sample *copy = NULL;
-    const bool uses_scratch = record->size <= COPY_BYTES && !sub->is_scratch_used;
-    if (!uses_scratch && (copy = sample_new(sub, record->size + 8)) == NULL)
+    struct sample *copy = sample_new(sub, record->size + 8);
+    if (copy == NULL)
         return RING_EMPTY;
-    unsigned char *to = uses_scratch ? sub->scratch : copy->bytes;
-    const enum ring_status status = feed_copy(&source->feed, 0, record, to);
-    if (status != RING_OK && copy != NULL)
+    const enum ring_status status = feed_copy(&source->feed, 0, record, copy->bytes);
+    if (status != RING_OK) {
         sample_free(sub, copy);
-    if (status != RING_OK)
         return status;
-    sub->is_scratch_used |= uses_scratch;
-    message->data = to;
-    message->held = uses_scratch ? held(sub, HELD_SCRATCH) : held(copy, HELD_COPY);
+    }
+    message->data = copy->bytes;
+    message->held = held(copy, HELD_COPY);
     return RING_OK;
 }
 
@@ -144,9 +141,7 @@ void busd_release(busd_message *message)
     message->size = 0;
     if (thing == NULL)
         return;
-    if (kind == HELD_SCRATCH) {
-        ((busd_subscription *)thing)->is_scratch_used = false;
-    } else if (kind == HELD_COPY) {
+    if (kind == HELD_COPY) {
         sample_free(NULL, thing);
     } else {
         struct hold *hold = thing;

@@ -57,8 +57,9 @@ typedef struct busd_qos {
  * Errors: -ENOENT or -ECONNREFUSED without a busd, -EACCES, -ETIMEDOUT, -EPROTO for another protocol version. */
 int busd_connect(busd_bus **bus, const char *path, const char *program);
 
-/* Sends queued samples for up to a second, ends all nodes, and frees everything of the connection. Messages that the
- * program still holds must be released before. */
+/* Sends queued samples for up to a second, ends all nodes, and frees everything of the connection. Pending calls of
+ * clients end with -ECANCELED. Messages that the program still holds must be released before. Not in a callback: there it
+ * only ends the events. */
 void busd_close(busd_bus *bus);
 
 /* A descriptor for poll(), epoll or another event loop. If it is readable, call busd_dispatch(). */

@@ -1,0 +1,246 @@
+/* The C side of tests/system/test_c_client_callbacks.py: callbacks that destroy, create and close. One process is both
+ * ends. Prints what has happened; the sanitizers report the rest.
+ *
+ *     callbacks own|wait|calls|node|close|kept     runs to its end
+ *     callbacks away                               waits for busd's end; a forked child has the socket, too
+ *     callbacks again                              creates a publisher when it is connected again
+ */
+#include <signal.h>
+#include <stdio.h>
+#include <sys/wait.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "example_interfaces/srv/AddTwoInts.h"
+#include "std_msgs/msg/String.h"
+
+#define WAIT_MS 10000
+
+static busd_bus *bus;
+static busd_node *node;
+static busd_publisher *publisher;
+static busd_subscription *subscription;
+static busd_client *client;
+static int heard;
+
+static void need(int status)
+{
+    if (status >= 0)
+        return;
+    printf("failed: %s\n", busd_error(bus));
+    exit(1);
+}
+
+static void publish(busd_publisher *to, const char *text)
+{
+    const std_msgs__msg__String message = {.data = busd_text_of(text)};
+    need(std_msgs__msg__String__publish(to, &message));
+}
+
+static void make(const char *topic, const busd_qos *qos, busd_callback *callback)
+{
+    need(busd_subscription_create(node, topic, &std_msgs__msg__String__type, qos, callback, NULL, &subscription));
+    need(busd_publisher_create(node, topic, &std_msgs__msg__String__type, qos, &publisher));
+    while (busd_publisher_matches(publisher) == 0 || busd_subscription_matches(subscription) == 0)
+        need(busd_wait(bus, WAIT_MS));
+}
+
+static void wait_for_callback(void)
+{
+    while (!heard)
+        need(busd_wait(bus, WAIT_MS));
+}
+
+static void destroy_all(void *user, const busd_message *message)
+{
+    (void)user;
+    heard++;
+    busd_subscription_destroy(subscription);
+    busd_publisher_destroy(publisher);
+    busd_node_destroy(node);
+    busd_node_destroy(node);
+    printf("size %zu, first byte %d\n", message->size, *(const unsigned char *)message->data);
+}
+
+static void own(void)
+{
+    make("/t", &BUSD_QOS_DEFAULT, destroy_all);
+    publish(publisher, "one");
+    publish(publisher, "two");
+    wait_for_callback();
+    need(busd_wait(bus, 0));
+    printf("heard %d\n", heard);
+}
+
+static busd_publisher *full;
+
+static void destroy_full(void *user, const busd_message *message)
+{
+    (void)user;
+    (void)message;
+    heard++;
+    busd_publisher_destroy(full);
+}
+
+static void wait_and_lose_it(void)
+{
+    static char text[100001];
+    memset(text, 'x', sizeof text - 1);
+    const std_msgs__msg__String message = {.data = busd_text_of(text)};
+    make("/full", &BUSD_QOS_LOSSLESS, NULL);
+    full = publisher;
+    int status;
+    while ((status = std_msgs__msg__String__publish(full, &message)) == 0)
+        need(busd_dispatch(bus));
+    printf("full: %d\n", status == -EAGAIN);
+    make("/t", &BUSD_QOS_DEFAULT, destroy_full);
+    publish(publisher, "end it");
+    status = busd_publisher_wait(full, WAIT_MS);
+    printf("wait: %d: %s\n", status == -EPIPE, busd_error(bus));
+}
+
+static void ask(void);
+
+static void hear(void *user, int status, const char *error, const busd_message *response)
+{
+    (void)user;
+    (void)response;
+    heard++;
+    printf("answer %d: %s\n", status == -ECANCELED, error);
+    ask();
+    busd_client_destroy(client);
+    busd_node_destroy(node);
+}
+
+static void ask(void)
+{
+    const example_interfaces__srv__AddTwoInts_Request request = {.a = 1};
+    if (example_interfaces__srv__AddTwoInts__call(client, &request, hear, NULL) < 0)
+        printf("call: %s\n", busd_error(bus));
+}
+
+static void serve(void *user, busd_server *server, const busd_call *call, const busd_message *request)
+{
+    (void)user;
+    (void)server;
+    (void)call;
+    (void)request;
+}
+
+static void call_twice(void)
+{
+    busd_server *server;
+    const busd_service_type *type = &example_interfaces__srv__AddTwoInts__service;
+    need(busd_server_create(node, "/add", type, NULL, serve, NULL, &server));
+    need(busd_client_create(node, "/add", type, NULL, &client));
+    while (busd_client_servers(client) == 0)
+        need(busd_wait(bus, WAIT_MS));
+    ask();
+    ask();
+}
+
+static void close_it(void *user, const busd_message *message)
+{
+    (void)user;
+    (void)message;
+    heard++;
+    busd_close(bus);
+}
+
+static void keep(void)
+{
+    busd_message kept;
+    make("/t", &BUSD_QOS_DEFAULT, NULL);
+    publish(publisher, "kept");
+    int count;
+    while ((count = busd_take(subscription, &kept)) == 0)
+        need(busd_wait(bus, WAIT_MS));
+    need(count);
+    busd_subscription_destroy(subscription);
+    busd_publisher_destroy(publisher);
+    std_msgs__msg__String message;
+    need(std_msgs__msg__String__decode(&kept, &message, NULL));
+    printf("%.*s\n", (int)message.data.size, message.data.data);
+    busd_release(&kept);
+}
+
+static int64_t now_ms(void)
+{
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return now.tv_sec * INT64_C(1000) + now.tv_nsec / 1000000;
+}
+
+static void wait_without_busd(void)
+{
+    const pid_t child = fork();
+    if (child == 0) {
+        pause();
+        _exit(0);
+    }
+    printf("ready\n");
+    fflush(stdout);
+    while (busd_is_connected(bus))
+        need(busd_wait(bus, WAIT_MS));
+    const int64_t begin = now_ms();
+    for (int i = 0; i < 10; i++) /* each retry waits twice as long as the one before */
+        need(busd_wait(bus, -1));
+    printf("ten turns in %lld ms\n", (long long)(now_ms() - begin));
+    kill(child, SIGKILL);
+    waitpid(child, NULL, 0);
+}
+
+static void make_another(void *user, const busd_event *event)
+{
+    busd_node *another;
+    (void)user;
+    if (event->kind != BUSD_CONNECTED)
+        return;
+    need(busd_node_create(bus, "another", NULL, &another));
+    need(busd_publisher_create(another, "/t", &std_msgs__msg__String__type, &BUSD_QOS_DEFAULT, &publisher));
+    heard++;
+}
+
+static void make_again(void)
+{
+    busd_on_event(bus, make_another, NULL);
+    need(busd_subscription_create(node, "/t", &std_msgs__msg__String__type, NULL, NULL, NULL, &subscription));
+    printf("ready\n");
+    fflush(stdout);
+    wait_for_callback();
+    while (busd_publisher_matches(publisher) == 0)
+        need(busd_wait(bus, WAIT_MS));
+    busd_stats stats;
+    busd_publisher_stats(publisher, &stats);
+    printf("matched, by ring %d\n", stats.by_ring);
+}
+
+int main(int argc, char **argv)
+{
+    const char *story = argc > 1 ? argv[1] : "";
+    need(busd_connect(&bus, NULL, "callbacks"));
+    need(busd_node_create(bus, "callbacks", NULL, &node));
+    if (strcmp(story, "own") == 0)
+        own();
+    else if (strcmp(story, "wait") == 0)
+        wait_and_lose_it();
+    else if (strcmp(story, "calls") == 0) {
+        call_twice();
+        busd_client_destroy(client);
+    } else if (strcmp(story, "node") == 0)
+        call_twice();
+    else if (strcmp(story, "close") == 0) {
+        make("/t", &BUSD_QOS_DEFAULT, close_it);
+        publish(publisher, "close");
+        wait_for_callback();
+        printf("connected: %d\n", busd_is_connected(bus));
+    } else if (strcmp(story, "kept") == 0)
+        keep();
+    else if (strcmp(story, "away") == 0)
+        wait_without_busd();
+    else if (strcmp(story, "again") == 0)
+        make_again();
+    busd_close(bus);
+    printf("heard %d in all\n", heard);
+    return 0;
+}

@@ -1,0 +1,54 @@
+"""Callbacks of the C client that destroy, create and close, by both routes, with the sanitizers."""
+
+from pathlib import Path
+
+import pytest
+
+import c_programs
+from conftest import Daemon
+from programs import running_command
+
+
+@pytest.fixture(scope="session")
+def programs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return c_programs.build_once(tmp_path_factory)
+
+
+DESTROYED = ["answer 1: the client was destroyed", "call: the client was destroyed"]
+STORIES = {
+    "own": ["size 5, first byte 145", "heard 1", "heard 1 in all"],
+    "wait": ["full: 1", "wait: 1: the publisher has ended", "heard 1 in all"],
+    "calls": [*DESTROYED * 2, "heard 2 in all"],
+    "node": [*DESTROYED * 2, "heard 2 in all"],
+    "close": ["connected: 1", "heard 1 in all"],
+    "kept": ["kept", "heard 0 in all"],
+}
+
+
+@pytest.mark.parametrize("story", STORIES)
+async def test_callbacks(daemon: Daemon, programs: Path, tmp_path: Path, route: str, story: str) -> None:
+    async with running_command(tmp_path, programs / "callbacks", story) as program:
+        assert await program.end() == 0, program.lines
+    assert program.lines == STORIES[story]
+
+
+async def test_without_busd_it_sleeps_although_a_forked_child_has_the_socket(
+    daemon: Daemon, programs: Path, tmp_path: Path
+) -> None:
+    async with running_command(tmp_path, programs / "callbacks", "away") as program:
+        await program.line("^ready$")
+        daemon.kill()
+        found = await program.line(r"^ten turns in (\d+) ms$")
+        assert await program.end() == 0, program.lines
+    assert int(found[1]) > 500
+
+
+async def test_the_event_of_a_new_connection_may_create(
+    daemon: Daemon, programs: Path, tmp_path: Path, route: str
+) -> None:
+    async with running_command(tmp_path, programs / "callbacks", "again") as program:
+        await program.line("^ready$")
+        daemon.kill()
+        daemon.restart()
+        await program.line(f"^matched, by ring {int(route == 'shm')}$")
+        assert await program.end() == 0, program.lines
