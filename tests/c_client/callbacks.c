@@ -1,7 +1,7 @@
 /* The C side of tests/system/test_c_client_callbacks.py: callbacks that destroy, create and close. One process is both
  * ends. Prints what has happened; the sanitizers report the rest.
  *
- *     callbacks own|wait|calls|node|close|kept     runs to its end
+ *     callbacks own|wait|calls|node|close|kept|create     runs to its end
  *     callbacks away                               waits for busd's end; a forked child has the socket, too
  *     callbacks again                              creates a publisher when it is connected again
  */
@@ -215,6 +215,29 @@ static void make_again(void)
     printf("matched, by ring %d\n", stats.by_ring);
 }
 
+static void make_one_more(void *user, const busd_event *event)
+{
+    static busd_publisher *more;
+    (void)user;
+    if (event->kind != BUSD_MATCHED || more != NULL)
+        return;
+    need(busd_publisher_create(node, "/more", &std_msgs__msg__String__type, NULL, &more));
+    heard++;
+}
+
+/* The match usually is in the socket before the answer to the last request. */
+static void create_inside_of_create(void)
+{
+    busd_publisher *last;
+    need(busd_subscription_create(node, "/t", &std_msgs__msg__String__type, NULL, NULL, NULL, &subscription));
+    busd_on_event(bus, make_one_more, NULL);
+    need(busd_publisher_create(node, "/t", &std_msgs__msg__String__type, NULL, &publisher));
+    const int64_t begin = now_ms();
+    need(busd_publisher_create(node, "/last", &std_msgs__msg__String__type, NULL, &last));
+    wait_for_callback();
+    printf("soon: %d\n", now_ms() - begin < 5000);
+}
+
 int main(int argc, char **argv)
 {
     const char *story = argc > 1 ? argv[1] : "";
@@ -236,6 +259,8 @@ int main(int argc, char **argv)
         printf("connected: %d\n", busd_is_connected(bus));
     } else if (strcmp(story, "kept") == 0)
         keep();
+    else if (strcmp(story, "create") == 0)
+        create_inside_of_create();
     else if (strcmp(story, "away") == 0)
         wait_without_busd();
     else if (strcmp(story, "again") == 0)

@@ -21,6 +21,7 @@ STORIES = {
     "calls": [*DESTROYED * 2, "heard 2 in all"],
     "node": [*DESTROYED * 2, "heard 2 in all"],
     "close": ["connected: 1", "heard 1 in all"],
+    "create": ["soon: 1", "heard 1 in all"],
     "kept": ["kept", "heard 0 in all"],
 }
 

@@ -17,12 +17,10 @@
 
 /* --- requests and answers */
 
-/* Waits for the answer to `request`. 0, or -errno with the reason in `error`. */
-int await(busd_bus *bus, uint64_t request)
+static int wait_for(busd_bus *bus, const struct waiting *waiting)
 {
     int64_t until = now_ns() + GIVE_UP_NS;
-    bus->awaited = request;
-    while (bus->answered != request) {
+    while (waiting->answer > 0) {
         if (bus->sock < 0)
             return -ENOTCONN;
         struct pollfd poller = {.fd = bus->sock, .events = POLLIN};
@@ -40,7 +38,26 @@ int await(busd_bus *bus, uint64_t request)
         if (bus->sock >= 0)
             take_in(bus);
     }
-    return bus->answer;
+    return waiting->answer;
+}
+
+/* Waits for the answer to `request`. 0, or -errno with the reason in `error`. */
+int await(busd_bus *bus, uint64_t request)
+{
+    struct waiting waiting = {bus->waiting, request, 1};
+    bus->waiting = &waiting;
+    const int status = wait_for(bus, &waiting);
+    bus->waiting = waiting.outer;
+    return status;
+}
+
+/* The call that waits for the answer to this request; NULL: none does. */
+static struct waiting *waiting_for(const busd_bus *bus, uint64_t request)
+{
+    struct waiting *waiting = bus->waiting;
+    while (waiting != NULL && waiting->request != request)
+        waiting = waiting->outer;
+    return waiting;
 }
 
 static int refusal(busd_bus *bus, busd_in body)
@@ -61,7 +78,7 @@ static void endpoint_answer(struct endpoint *end, busd_in body, bool is_created)
     busd_bus *bus = end->node->bus;
     if (!is_created) {
         end->state = REFUSED;
-        if (end->request != bus->awaited)
+        if (waiting_for(bus, end->request) == NULL)
             tell(bus, BUSD_REFUSED, end, "%s: %s", end->topic, bus->error);
         return;
     }
@@ -245,16 +262,15 @@ void answer_take(busd_bus *bus, busd_in body, bool is_created)
     const uint64_t request = busd_find_number(body, "request", 0);
     const bool is_refused = busd_find_is(body, "m", "refused");
     const int answer = is_refused ? refusal(bus, body) : 0;
-    if (request == bus->awaited && bus->answered != request) {
-        bus->answer = answer;
-        bus->answered = request;
-    }
+    struct waiting *waiting = waiting_for(bus, request);
+    if (waiting != NULL)
+        waiting->answer = answer;
     for (busd_node *node = bus->nodes; node != NULL; node = node->next) {
         if (node->state != ASKED || node->request != request)
             continue;
         node->state = is_created ? DECLARED : REFUSED;
         node->id = busd_find_number(body, "id", 0);
-        if (is_refused && request != bus->awaited)
+        if (is_refused && waiting == NULL)
             tell(bus, BUSD_REFUSED, NULL, "node %s: %s", node->name, bus->error);
         for (busd_publisher *p = bus->publishers; p != NULL; p = p->next)
             if (p->end.node == node && p->end.state == UNDECLARED && is_created)

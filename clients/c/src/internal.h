@@ -124,6 +124,13 @@ enum { MOST_BATCHES = 16 };
 
 enum declared { UNDECLARED, ASKED, DECLARED, REFUSED };
 
+/* A call that waits for the answer to its request. A callback meanwhile may begin another one. */
+struct waiting {
+    struct waiting *outer;
+    uint64_t request;
+    int answer; /* 0 or -errno, the text in `error`; 1: none yet */
+};
+
 struct busd_node {
     busd_node *next;
     busd_bus *bus;
@@ -286,8 +293,8 @@ struct busd_bus {
     struct frame_list control;
     struct frame *current;  /* partly sent */
     uint64_t rounds; /* of reports */
-    uint64_t requests, answered, awaited;
-    int answer;             /* to the request `answered`: 0 or -errno, the text in `error` */
+    uint64_t requests;
+    struct waiting *waiting; /* the innermost call that waits for an answer */
     bool shares;            /* this process may share memory */
     struct map *readers;
     struct readers_header *header;
