@@ -217,10 +217,12 @@ static void make_again(void)
 
 static void make_one_more(void *user, const busd_event *event)
 {
-    static busd_publisher *more;
+    static int has_begun;
+    busd_publisher *more;
     (void)user;
-    if (event->kind != BUSD_MATCHED || more != NULL)
+    if (event->kind != BUSD_MATCHED || has_begun)
         return;
+    has_begun = 1;
     need(busd_publisher_create(node, "/more", &std_msgs__msg__String__type, NULL, &more));
     heard++;
 }

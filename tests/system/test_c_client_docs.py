@@ -44,10 +44,10 @@ async def test_the_page_in_its_steps(node: bus.Node, programs: Path, tmp_path: P
     made = (
         f"BUILD={tmp_path / 'build'}",
         f"BUS={sys.executable} -m bus_cli",
-        f"PREFIX={prefix}",
         "CFLAGS=-O0",
     )
-    c_programs.run("make", "-s", "-C", c_programs.CLIENT, "-j2", *made, "install")
+    c_programs.run("make", "-s", "-C", c_programs.CLIENT, "-j2", *made, "library")  # without the prefix
+    c_programs.run("make", "-s", "-C", c_programs.CLIENT, *made, f"PREFIX={prefix}", "install")
     assert "bus interface c --output types std_msgs/msg/String" in PAGE
     written = c_programs.run(
         sys.executable, "-m", "bus_cli", "interface", "c", "--output", types, "std_msgs/msg/String"
@@ -55,9 +55,9 @@ async def test_the_page_in_its_steps(node: bus.Node, programs: Path, tmp_path: P
     assert written == f"{types}/std_msgs/msg/String.h\n"
     source, program = tmp_path / "hello.c", tmp_path / "hello"
     source.write_text(C_PROGRAM)
-    flags = re.findall(
-        r"^(?:Cflags|Libs): (.*)", (prefix / "lib/pkgconfig/busd.pc").read_text(), re.MULTILINE
-    )
+    package = (prefix / "lib/pkgconfig/busd.pc").read_text()
+    assert package.startswith(f"prefix={prefix}\n")
+    flags = re.findall(r"^(?:Cflags|Libs): (.*)", package, re.MULTILINE)
     assert flags == ["-L${libdir} -lbusd", "-I${includedir}"]
     c_programs.run(
         "gcc",
