@@ -1,7 +1,7 @@
-/* The C side of tests/system/test_c_client_callbacks.py: callbacks that destroy, create and close. One process is both
+/* The C side of tests/system/test_c_client_callbacks.py: callbacks that destroy, create and close; bad names. One process is both
  * ends. Prints what has happened; the sanitizers report the rest.
  *
- *     callbacks own|wait|calls|node|close|kept|create     runs to its end
+ *     callbacks own|wait|calls|node|close|kept|create|names     runs to its end
  *     callbacks away                               waits for busd's end; a forked child has the socket, too
  *     callbacks again                              creates a publisher when it is connected again
  */
@@ -240,10 +240,27 @@ static void create_inside_of_create(void)
     printf("soon: %d\n", now_ms() - begin < 5000);
 }
 
+static void show(int status)
+{
+    const char *text = busd_error(bus);
+    printf("%d: %.*s\n", status, (int)strcspn(text, "\n"), text);
+}
+
+static void make_with_bad_names(void)
+{
+    busd_node *bad;
+    const busd_type *type = &std_msgs__msg__String__type;
+    show(busd_node_create(bus, "caf\xe9", NULL, &bad));
+    show(busd_node_create(bus, "good", "/\xc0\xaf", &bad));
+    show(busd_publisher_create(node, "\xed\xa0\x80", type, NULL, &publisher));
+    show(busd_publisher_create(node, "~tilde", type, NULL, &publisher));
+    need(busd_publisher_create(node, "~/private", type, NULL, &publisher)); /* still connected */
+}
+
 int main(int argc, char **argv)
 {
     const char *story = argc > 1 ? argv[1] : "";
-    need(busd_connect(&bus, NULL, "callbacks"));
+    need(busd_connect(&bus, NULL, "callbacks \xff"));
     need(busd_node_create(bus, "callbacks", NULL, &node));
     if (strcmp(story, "own") == 0)
         own();
@@ -263,6 +280,8 @@ int main(int argc, char **argv)
         keep();
     else if (strcmp(story, "create") == 0)
         create_inside_of_create();
+    else if (strcmp(story, "names") == 0)
+        make_with_bad_names();
     else if (strcmp(story, "away") == 0)
         wait_without_busd();
     else if (strcmp(story, "again") == 0)

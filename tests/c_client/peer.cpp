@@ -33,6 +33,13 @@ int main()
                 if (!out.publish(message))
                     std::printf("no room\n");
             });
+        std::optional<busd::subscription<geometry_msgs__msg__PoseArray>> once;
+        const std::string said = "destroyed in its callback";
+        once.emplace(node.create_subscription<geometry_msgs__msg__PoseArray>(
+            "/cpp/out", busd::qos(), [&once, said](const geometry_msgs__msg__PoseArray &, const busd_message &) {
+                once.reset();
+                std::printf("%s\n", said.c_str());
+            }));
         try {
             node.create_publisher<std_msgs__msg__String>("/a b");
         } catch (const busd::error &error) {

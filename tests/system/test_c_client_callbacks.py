@@ -22,6 +22,13 @@ STORIES = {
     "node": [*DESTROYED * 2, "heard 2 in all"],
     "close": ["connected: 1", "heard 1 in all"],
     "create": ["soon: 1", "heard 1 in all"],
+    "names": [
+        *["-22: the name of a node is not UTF-8"] * 2,
+        "-22: the name of a topic is not UTF-8",
+        "-22: Invalid topic name: topic name must not contain characters other than alphanumerics, "
+        "'_', or '/':",
+        "heard 0 in all",
+    ],
     "kept": ["kept", "heard 0 in all"],
 }
 

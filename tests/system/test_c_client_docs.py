@@ -115,3 +115,4 @@ async def test_the_header_for_cpp(node: bus.Node, programs: Path, tmp_path: Path
         cpp.program.process.send_signal(signal.SIGTERM)
         assert await cpp.program.end() == 0
     assert cpp.program.lines[-1] == "taken 2, published 2"
+    assert cpp.program.lines.count("destroyed in its callback") == 1

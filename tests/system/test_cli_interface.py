@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+import c_programs
 from cli import bus, start
 
 WHEEL = """\
@@ -162,6 +163,33 @@ def test_c_writes_a_file(tmp_path: Path) -> None:
     result = bus("interface", "c", "-o", str(tmp_path / "file"), "Spoke")
     assert (result.code, result.out) == (1, "")
     assert result.err.startswith(f"can't write {tmp_path}/file/demo/msg/Spoke.h: ")
+
+
+ODD = """\
+int64 least -9223372036854775808
+uint64 most 18446744073709551615
+float64 never inf
+float64 below -inf
+string text "\u00e4 \U0001f600 \\"x\\" ??/"
+bool nullptr
+int32 linux
+"""
+
+
+@pytest.mark.skipif(bool(c_programs.why_not() or c_programs.why_no_cpp()), reason="no gcc or g++")
+def test_odd_defaults_and_reserved_names_compile(package: Path, tmp_path: Path) -> None:
+    (package / "msg/Odd.msg").write_text(ODD)
+    text = bus("interface", "c", "demo/msg/Odd").out
+    assert r'busd_text_of("\303\244 \360\237\230\200 \042x\042 \077\077/");' in text
+    (tmp_path / "odd.h").write_text(text)
+    for compiler, name, standard in (
+        ("gcc", "odd.c", "gnu11"),
+        ("g++", "odd.cpp", "gnu++17"),
+        ("g++", "odd.cpp", "gnu++20"),
+    ):
+        (tmp_path / name).write_text('#include "odd.h"\nint main(void) { return 0; }\n')
+        options = ("-Wall", "-Wextra", "-Werror", "-fsyntax-only", f"-I{c_programs.CLIENT / 'include'}")
+        c_programs.run(compiler, f"-std={standard}", *options, tmp_path / name)
 
 
 def test_c_is_not_for_actions() -> None:

@@ -4,7 +4,7 @@ Pure: it gets the description of a type, and returns text. The header needs `bus
 Encoded messages are the same as those of the library, byte for byte.
 """
 
-import json
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple, TypeAlias
 
@@ -24,11 +24,13 @@ _BYTES = ("uint8[]", "byte[]")
 _NO_LIMIT = "SIZE_MAX"
 _RESERVED = frozenset(
     """
-    alignas alignof and asm auto bool break case catch char class const continue default delete do
-    double else enum explicit export extern false float for friend goto if inline int long mutable
-    namespace new not operator or private protected public register restrict return short signed sizeof
-    static struct switch template this throw true try typedef typename union unsigned using virtual void
-    volatile while xor
+    alignas alignof and and_eq asm auto bitand bitor bool break case catch char char8_t char16_t char32_t
+    class co_await co_return co_yield compl concept const const_cast consteval constexpr constinit continue
+    decltype default delete do double dynamic_cast else enum errno explicit export extern false float for
+    friend goto if inline int linux long mutable namespace new noexcept not not_eq nullptr operator or or_eq
+    private protected public register reinterpret_cast requires restrict return short signed sizeof static
+    static_assert static_cast stderr stdin stdout struct switch template this thread_local throw true try
+    typedef typeid typename typeof union unix unsigned using virtual void volatile wchar_t while xor xor_eq
     """.split()  # noqa: SIM905 - a list of this length is easier to read as a text
 )
 _LINE_BYTES = 20
@@ -193,13 +195,31 @@ def _initial(place: str, form: _Form, default: Any) -> str:
     """The statement that sets a field to its default; "" if that is zero."""
     if default is None:
         return form.init.format(x=place, i="i")
-    if isinstance(default, str):
-        return f"{place} = busd_text_of({json.dumps(default)});"
     if isinstance(default, bool):
         return f"{place} = {str(default).lower()};"
+    if isinstance(default, str):
+        return f"{place} = busd_text_of({_text(default)});"
     if isinstance(default, int | float):
-        return f"{place} = {default!r};"
+        return f"{place} = {_number(default)};"
     raise UnsupportedType(f"the default {default!r} has no form in C")
+
+
+def _text(text: str) -> str:
+    """A literal in C, in UTF-8. Escapes other than the octal ones could take in the next character."""
+    plain = (
+        chr(byte) if 32 <= byte < 127 and byte not in b'"\\?' else f"\\{byte:03o}" for byte in text.encode()
+    )
+    return f'"{"".join(plain)}"'
+
+
+def _number(number: float) -> str:
+    if isinstance(number, int):
+        return (
+            "INT64_MIN" if number == -(2**63) else f"UINT64_C({number})" if number >= 2**63 else str(number)
+        )
+    if math.isnan(number):
+        return '__builtin_nan("")'
+    return repr(number) if math.isfinite(number) else f"{'-' if number < 0 else ''}__builtin_inf()"
 
 
 def _form(owner: str, field: Mapping[str, Any]) -> _Form:

@@ -294,6 +294,8 @@ int busd_node_create(busd_bus *bus, const char *name, const char *ns, busd_node 
 {
     if (!busd_is_connected(bus))
         return fail(bus, ENOTCONN, "busd is away");
+    if (!is_utf8(name) || (ns != NULL && !is_utf8(ns)))
+        return fail(bus, EINVAL, "the name of a node is not UTF-8");
     busd_node *node = calloc(1, sizeof *node);
     if (node == NULL)
         return fail(bus, ENOMEM, "no memory");
@@ -375,6 +377,8 @@ static int endpoint_begin(struct endpoint *end, busd_node *node, const char *top
     end->is_lossless = end->qos.history == BUSD_KEEP_ALL && end->qos.reliability == BUSD_RELIABLE;
     if (end->qos.history == BUSD_KEEP_ALL)
         end->qos.depth = sizes_max(end->qos.depth, 1);
+    if (!is_utf8(topic))
+        return fail(node->bus, EINVAL, "the name of a topic is not UTF-8");
     if (getrandom(end->gid, sizeof end->gid, 0) != sizeof end->gid)
         return fail(node->bus, EIO, "no random numbers");
     return end->topic == NULL ? fail(node->bus, ENOMEM, "no memory") : 0;

@@ -365,6 +365,7 @@ void map_drop(struct map *map);
 bool headroom_claim(busd_bus *bus, uint64_t size, uint64_t whole);
 
 /* names.c */
+bool is_utf8(const char *text);
 char *topic_name(const busd_node *node, const char *topic);
 int socket_path(char *path, size_t size);
 

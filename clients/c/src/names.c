@@ -5,6 +5,24 @@
 
 #include "internal.h"
 
+/* Whether a text is UTF-8. busd ends a connection that sends another text. */
+bool is_utf8(const char *text)
+{
+    const unsigned char *at = (const unsigned char *)text;
+    while (*at != 0) {
+        const unsigned first = *at++;
+        const int more = first < 0x80 ? 0 : first < 0xc2 ? -1 : first < 0xe0 ? 1 : first < 0xf0 ? 2 : first < 0xf5 ? 3 : -1;
+        const unsigned least = first == 0xe0 ? 0xa0 : first == 0xf0 ? 0x90 : 0x80;
+        const unsigned most = first == 0xed ? 0x9f : first == 0xf4 ? 0x8f : 0xbf;
+        if (more < 0 || (more > 0 && (*at < least || *at > most)))
+            return false;
+        for (int i = 0; i < more; i++)
+            if ((*at++ & 0xc0) != 0x80)
+                return false;
+    }
+    return true;
+}
+
 /* The full name of a relative, private (~) or absolute topic; NULL: no memory. */
 char *topic_name(const busd_node *node, const char *topic)
 {
@@ -13,7 +31,7 @@ char *topic_name(const busd_node *node, const char *topic)
     int size;
     if (topic[0] == '/')
         return strdup(topic);
-    if (topic[0] == '~')
+    if (topic[0] == '~' && (topic[1] == '/' || topic[1] == '\0'))
         size = asprintf(&full, "%s/%s%s", ns, node->name, topic + 1);
     else
         size = asprintf(&full, "%s/%s", ns, topic);

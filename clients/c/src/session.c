@@ -205,7 +205,8 @@ static int connect_once(busd_bus *bus)
         if (bus->sock >= 0)
             close(bus->sock);
         bus->sock = -1;
-        return fail(bus, code, "no busd at %s: %s", bus->path, strerror(code));
+        const char *form = code == EMFILE || code == ENFILE ? "no socket for %s: %s" : "no busd at %s: %s";
+        return fail(bus, code, form, bus->path, strerror(code));
     }
     struct epoll_event event = {.events = EPOLLIN, .data.u32 = WAKE_SOCKET};
     epoll_ctl(bus->epoll, EPOLL_CTL_ADD, bus->sock, &event);
@@ -354,6 +355,8 @@ int busd_connect(busd_bus **place, const char *path, const char *program)
     *bus = (busd_bus){.pid = getpid(), .epoll = -1, .sock = -1, .bell = -1, .timer = -1, .readers_fd = -1, .rounds = 1};
     bus->control.end = &bus->control.first;
     snprintf(bus->program, sizeof bus->program, "%s", program != NULL ? program : program_invocation_short_name);
+    for (char *at = bus->program; !is_utf8(bus->program) && *at != '\0'; at++)
+        *at = (*at & 0x80) != 0 ? '?' : *at;
     const int length = path == NULL ? socket_path(bus->path, sizeof bus->path) : snprintf(bus->path, sizeof bus->path, "%s", path);
     if (length < 0 || (size_t)length >= sizeof bus->path)
         return fail(bus, ENAMETOOLONG, "the path of the socket is longer than %zu bytes", sizeof bus->path - 1);

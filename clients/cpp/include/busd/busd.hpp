@@ -5,6 +5,7 @@
 #ifndef BUSD_BUSD_HPP
 #define BUSD_BUSD_HPP
 
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <new>
@@ -148,7 +149,7 @@ template <class T> class subscription {
     using callback = std::function<void(const T &message, const busd_message &info)>;
 
     subscription(busd_bus *bus, busd_node *node, const std::string &topic, const qos &profile, callback call = nullptr)
-        : bus_(bus), state_(new state{std::move(call), 0, {}})
+        : bus_(bus), state_(std::make_shared<state>(std::move(call)))
     {
         busd_subscription *handle = nullptr;
         busd_callback *called = state_->call ? &subscription::hear : nullptr;
@@ -174,15 +175,18 @@ template <class T> class subscription {
     busd_subscription *get() const { return handle_.get(); }
 
   private:
-    struct state {
-        callback call;
-        std::uint64_t undecodable;
-        busd_arena arena;
+    struct state : std::enable_shared_from_this<state> {
+        explicit state(callback call) : call(std::move(call)) {}
+        state(const state &) = delete;
+        state &operator=(const state &) = delete;
         ~state() { busd_arena_free(&arena); }
+        callback call;
+        std::uint64_t undecodable = 0;
+        busd_arena arena{};
     };
     static void hear(void *user, const busd_message *raw) noexcept
     {
-        state *self = static_cast<state *>(user);
+        const auto self = static_cast<state *>(user)->shared_from_this(); // the callback may destroy the subscription
         T message;
         busd_arena_clear(&self->arena);
         if (message_type<T>::decode(raw, &message, &self->arena) < 0)
@@ -191,7 +195,7 @@ template <class T> class subscription {
             self->call(message, *raw);
     }
     busd_bus *bus_;
-    std::unique_ptr<state> state_; // stays in place when the subscription moves
+    std::shared_ptr<state> state_; // stays in place when the subscription moves
     detail::owned<busd_subscription> handle_;
 };
 
@@ -238,17 +242,24 @@ class bus {
     bool is_connected() const { return busd_is_connected(handle_.get()) != 0; }
     void on_event(std::function<void(const busd_event &)> call)
     {
-        call_.reset(new std::function<void(const busd_event &)>(std::move(call)));
-        busd_on_event(handle_.get(), &bus::report, call_.get());
+        auto kept = std::make_shared<events>(std::move(call));
+        busd_on_event(handle_.get(), &bus::report, kept.get());
+        call_ = std::move(kept);
     }
     busd_bus *get() const { return handle_.get(); }
 
   private:
+    struct events : std::enable_shared_from_this<events> {
+        explicit events(std::function<void(const busd_event &)> call) : call(std::move(call)) {}
+        std::function<void(const busd_event &)> call;
+    };
     static void report(void *user, const busd_event *event) noexcept
     {
-        (*static_cast<std::function<void(const busd_event &)> *>(user))(*event);
+        const auto self = static_cast<events *>(user)->shared_from_this(); // the callback may be replaced in itself
+        if (self->call)
+            self->call(*event);
     }
-    std::unique_ptr<std::function<void(const busd_event &)>> call_; // outlives the connection
+    std::shared_ptr<events> call_; // outlives the connection
     detail::owned<busd_bus> handle_;
 };
 
