@@ -1,7 +1,7 @@
 /* The C side of tests/system/test_c_client_callbacks.py: callbacks that destroy, create and close; bad names. One process is both
  * ends. Prints what has happened; the sanitizers report the rest.
  *
- *     callbacks own|wait|calls|node|close|kept|create|names     runs to its end
+ *     callbacks own|wait|calls|node|close|kept|create|names|slots|ping     runs to its end
  *     callbacks away                               waits for busd's end; a forked child has the socket, too
  *     callbacks again                              creates a publisher when it is connected again
  */
@@ -257,6 +257,33 @@ static void make_with_bad_names(void)
     need(busd_publisher_create(node, "~/private", type, NULL, &publisher)); /* still connected */
 }
 
+/* More subscriptions, one after the other, than a process has slots for readers. */
+static void use_all_slots(void)
+{
+    busd_stats stats;
+    for (int i = 0; i < 1030; i++) {
+        need(busd_subscription_create(node, "/t", &std_msgs__msg__String__type, NULL, NULL, NULL, &subscription));
+        if (publisher == NULL)
+            need(busd_publisher_create(node, "/t", &std_msgs__msg__String__type, NULL, &publisher));
+        while (busd_subscription_matches(subscription) == 0)
+            need(busd_wait(bus, WAIT_MS));
+        busd_subscription_stats(subscription, &stats);
+        busd_subscription_destroy(subscription);
+    }
+    printf("by ring %u\n", stats.by_ring);
+}
+
+/* The pings of the shortest lease that there is: neither none nor a flood. */
+static void ping(void)
+{
+    const busd_qos qos = {.depth = 1, .lease_ns = 1};
+    need(busd_publisher_create(node, "/t", &std_msgs__msg__String__type, &qos, &publisher));
+    const int64_t begin = now_ms();
+    for (int i = 0; i < 50; i++)
+        need(busd_wait(bus, -1));
+    printf("enough: %d\n", now_ms() - begin > 200 && now_ms() - begin < 20000);
+}
+
 int main(int argc, char **argv)
 {
     const char *story = argc > 1 ? argv[1] : "";
@@ -282,6 +309,10 @@ int main(int argc, char **argv)
         create_inside_of_create();
     else if (strcmp(story, "names") == 0)
         make_with_bad_names();
+    else if (strcmp(story, "slots") == 0)
+        use_all_slots();
+    else if (strcmp(story, "ping") == 0)
+        ping();
     else if (strcmp(story, "away") == 0)
         wait_without_busd();
     else if (strcmp(story, "again") == 0)

@@ -339,3 +339,41 @@ async def test_the_account_of_a_stopped_subscription_closes(
         statistics = await listener.finish()
     assert statistics["samples"] + statistics["replaced"] + statistics["lost"] == 21
     assert listener.numbers == sorted(set(listener.numbers))
+
+
+async def test_expired_messages_are_not_delivered(
+    node: bus.Node, programs: Path, tmp_path: Path, route: str
+) -> None:
+    publisher = await node.create_publisher(String, "/t", bus.QoSProfile(history="keep_all", lifespan=0.2))
+    async with c_programs.peer(programs, tmp_path, "listen", "/t", "keep_all", "pause_ms=500") as peer:
+        await publisher.wait_for_subscriptions()
+        for number in range(3):
+            await publisher.send(text(number))
+        async with asyncio.timeout(20):
+            while 9 not in peer.numbers:
+                await publisher.send(text(9))
+                await asyncio.sleep(0.05)
+        assert peer.numbers[:2] == [0, 9]
+        assert (await peer.finish())["expired"] >= 2
+
+
+async def test_a_message_with_the_time_of_its_source(
+    node: bus.Node, programs: Path, tmp_path: Path, route: str
+) -> None:
+    publisher = await node.create_publisher(String, "/t", 10)
+    async with c_programs.peer(programs, tmp_path, "listen", "/t") as peer:
+        await publisher.wait_for_subscriptions()
+        publisher.publish_encoded(b"\x91\xa27 ", source_time_ns=1_700_000_000_000_000_000)
+        await peer.line(f"^7 2 {route}$")
+        await peer.finish()
+
+
+async def test_each_message_is_a_sign_of_life(
+    node: bus.Node, programs: Path, tmp_path: Path, route: str
+) -> None:
+    subscription = await node.create_subscription(String, "/t", 10)
+    words = ("talk", "/t", "1000000", "wait=1", "pause_ms=50", "manual_ms=1000")
+    async with c_programs.peer(programs, tmp_path, *words) as peer:
+        await receive(subscription, 40)  # two seconds
+        assert not [event for event in peer.events() if "no sign of life" in event]
+        await peer.finish()

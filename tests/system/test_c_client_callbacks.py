@@ -29,6 +29,7 @@ STORIES = {
         "'_', or '/':",
         "heard 0 in all",
     ],
+    "ping": ["enough: 1", "heard 0 in all"],
     "kept": ["kept", "heard 0 in all"],
 }
 
@@ -38,6 +39,14 @@ async def test_callbacks(daemon: Daemon, programs: Path, tmp_path: Path, route: 
     async with running_command(tmp_path, programs / "callbacks", story) as program:
         assert await program.end() == 0, program.lines
     assert program.lines == STORIES[story]
+
+
+async def test_slots_of_readers_are_used_again(
+    daemon: Daemon, programs: Path, tmp_path: Path, route: str
+) -> None:
+    async with running_command(tmp_path, programs / "callbacks", "slots") as program:
+        assert await program.end() == 0, program.lines
+    assert program.lines == [f"by ring {int(route == 'shm')}", "heard 0 in all"]
 
 
 async def test_without_busd_it_sleeps_although_a_forked_child_has_the_socket(
