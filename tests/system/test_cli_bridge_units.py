@@ -90,6 +90,15 @@ def test_files_of_certificates_are_found_from_anywhere(
     assert f"--ca {tmp_path}/ca.pem --certificate {tmp_path}/one.pem --key {tmp_path}/one.key" in text
 
 
+def test_bridges_to_both_middlewares_of_ros(folder: Path, bus: Bus) -> None:
+    assert bus("ros2", "install")[0] == bus("ros2", "install", "--rmw", "zenoh")[0] == 0
+    names = sorted(path.name for path in folder.iterdir())
+    assert names == ["busd-bridge-rmw-zenoh.service", "busd-bridge-ros2.service"]
+    assert "bridge ros2 --rmw zenoh" in (folder / names[0]).read_text()
+    assert bus("ros2", "uninstall", "--rmw", "zenoh")[1].startswith(f"Removed {folder / names[0]}\n")
+    assert [path.name for path in folder.iterdir()] == names[1:]
+
+
 def test_of_another_domain(folder: Path, bus: Bus) -> None:
     code, said, _ = bus("zenoh", "install", "--domain", "7", "--json")
     assert code == 0

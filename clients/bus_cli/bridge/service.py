@@ -41,7 +41,8 @@ def change_service(args: Namespace, engine: str, words: Iterable[str]) -> int:
     """Write or remove the unit. `words`: the options of the bridge. Raises CommandError."""
     is_system = _checked(args)
     domain = domain_id(args.domain)
-    name = f"busd-bridge-{engine}{f'-{domain}' if domain else ''}.service"
+    kind = "rmw-zenoh" if getattr(args, "rmw", None) == "zenoh" else engine  # a bus may have both to ROS 2
+    name = f"busd-bridge-{kind}{f'-{domain}' if domain else ''}.service"
     path = unit_folder(is_system=is_system) / name
     command = systemctl(is_system=is_system)
     if args.service == "uninstall":
