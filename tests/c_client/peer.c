@@ -4,8 +4,8 @@
  *     peer listen TOPIC [option ...]         prints "NUMBER SIZE ROUTE" of each message
  *     peer relay IN OUT [option ...]         publishes on OUT what comes on IN
  *
- * Options: keep_all, best_effort, latched, manual_ms=N (the lease), depth=N, size=N, wait=N, pause_ms=N, hold=N. At its
- * end (SIGTERM) it prints its statistics as JSON.
+ * Options: keep_all, best_effort, latched, depth=N, size=N, wait=N, pause_ms=N, hold=N. At its end (SIGTERM) it prints
+ * its statistics as JSON.
  */
 #include <inttypes.h>
 #include <signal.h>
@@ -60,10 +60,7 @@ static void take_options(char **words)
             options.qos.reliability = BUSD_BEST_EFFORT;
         else if (strcmp(word, "latched") == 0)
             options.qos.durability = BUSD_TRANSIENT_LOCAL;
-        else if (strncmp(word, "manual_ms=", 10) == 0) {
-            options.qos.liveliness = BUSD_MANUAL_BY_TOPIC;
-            options.qos.lease_ns = (int64_t)value(word) * 1000000;
-        } else if (strncmp(word, "depth=", 6) == 0)
+        else if (strncmp(word, "depth=", 6) == 0)
             options.qos.depth = (uint32_t)value(word);
         else if (strncmp(word, "size=", 5) == 0)
             options.size = value(word);

@@ -366,14 +366,3 @@ async def test_a_message_with_the_time_of_its_source(
         publisher.publish_encoded(b"\x91\xa27 ", source_time_ns=1_700_000_000_000_000_000)
         await peer.line(f"^7 2 {route}$")
         await peer.finish()
-
-
-async def test_each_message_is_a_sign_of_life(
-    node: bus.Node, programs: Path, tmp_path: Path, route: str
-) -> None:
-    subscription = await node.create_subscription(String, "/t", 10)
-    words = ("talk", "/t", "1000000", "wait=1", "pause_ms=50", "manual_ms=1000")
-    async with c_programs.peer(programs, tmp_path, *words) as peer:
-        await receive(subscription, 40)  # two seconds
-        assert not [event for event in peer.events() if "no sign of life" in event]
-        await peer.finish()
