@@ -54,11 +54,9 @@ class BagOutput:
         """Number of messages passed to the file."""
         self.bytes = 0
 
-    def set_publishers(self, topic: RecordedTopic, depths: Mapping[bytes, int], *, is_new: bool) -> None:
+    def set_publishers(self, topic: RecordedTopic, depths: Mapping[bytes, int]) -> None:
         """See `Pipeline.set_publishers`."""
         self._latched.set_publishers(topic.name, depths, monotonic_ns())
-        if topic.channel is not None and is_new:
-            self._writer.update_topic(topic.channel, topic.metadata)
 
     def describe_topics(self) -> None:
         """Add all topics to the bag, also those without messages."""

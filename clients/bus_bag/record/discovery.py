@@ -141,13 +141,13 @@ class Discovery:
         if topic.subscription is None:
             return
         matches = topic.subscription.matches
-        is_new = topic.update_offers(match.qos for match in matches)
+        topic.update_offers(match.qos for match in matches)
         depths = {
             match.gid: match.qos.depth if match.qos.history is History.KEEP_LAST else 0
             for match in matches
             if match.qos.durability is Durability.TRANSIENT_LOCAL
         }
-        self._pipeline.set_publishers(topic, depths, is_new=is_new)
+        self._pipeline.set_publishers(topic, depths)
 
 
 async def _repeat(ask: Callable[[], Awaitable[T]]) -> T:

@@ -150,12 +150,9 @@ class Pipeline:
         """Add a topic before its first message."""
         self._output.topics[topic.name] = topic
 
-    def set_publishers(self, topic: RecordedTopic, depths: Mapping[bytes, int], *, is_new: bool) -> None:
-        """Set the publishers of `topic` that keep messages for late joiners: gid -> depth (0: all).
-
-        `is_new`: the metadata of the topic have changed.
-        """
-        self._output.set_publishers(topic, depths, is_new=is_new)
+    def set_publishers(self, topic: RecordedTopic, depths: Mapping[bytes, int]) -> None:
+        """Set the publishers of `topic` that keep messages for late joiners: gid -> depth (0: all)."""
+        self._output.set_publishers(topic, depths)
 
     def takes_packs(self, topic: RecordedTopic) -> bool:
         """Whether messages of `topic` can be put in one buffer."""

@@ -68,16 +68,14 @@ class RecordedTopic:
         self.subscription = subscription
         self.is_lossless = subscription.qos.is_lossless
 
-    def update_offers(self, offers: Iterable[QoSProfile]) -> bool:
-        """Update the present publishers' profiles; returns whether there are more than ever before.
+    def update_offers(self, offers: Iterable[QoSProfile]) -> None:
+        """Update the present publishers' profiles. The bag has those that are known at its first message.
 
         A profile counts as often as there were publishers with it at one time: a player keeps as much for
         late joiners as all of these publishers together.
         """
-        known = self._profiles.total()
         self._profiles |= Counter(offers)
         self.is_latched = any(one.durability is Durability.TRANSIENT_LOCAL for one in self._profiles)
-        return self._profiles.total() > known
 
     @property
     def metadata(self) -> TopicMetadata:

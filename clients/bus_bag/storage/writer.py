@@ -102,11 +102,6 @@ class BagWriter:
         self._run(add, 0)
         return channel
 
-    def update_topic(self, channel: int, topic: TopicMetadata) -> None:
-        """Update a topic, for example the publishers' profiles, in further files and in metadata.yaml."""
-        schema, _, extra = self._topics[channel]
-        self._topics[channel] = (schema, topic, extra)
-
     def write(
         self, channel: int, log_time: int, publish_time: int, sequence: int, parts: Sequence[Buffer]
     ) -> int:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from rosbags.highlevel import AnyReader
 
 from bus.msg.std_msgs import String
 from bus.qos import QoSProfile
@@ -87,7 +88,7 @@ class World:
         self._counted[name] = topic.subscription = counted
         topic.update_offers([QoSProfile(1, durability="transient_local") if is_latched else QoSProfile()])
         self.pipeline.add(topic)
-        self.pipeline.set_publishers(topic, {b"gid": 1} if is_latched else {}, is_new=True)
+        self.pipeline.set_publishers(topic, {b"gid": 1} if is_latched else {})
         return topic
 
     def put_together(self, topic: RecordedTopic, *texts: str, at: list[int], is_paused: bool = False) -> None:
@@ -284,16 +285,20 @@ def test_what_came_in_a_pause_is_taken_up_as_state(folder: Path) -> None:
     assert [one[2].log_time for one in world.bag.messages(world.bag.files[0], "/map")] == [1000]
 
 
-def test_offers_that_come_later_are_in_the_metadata(folder: Path) -> None:
+def test_others_read_topics_whose_publishers_came_later(folder: Path) -> None:
+    """rosbags wants the same profiles in metadata.yaml and in each file, as ROS 2 writes them."""
     world = World(folder)
     topic = world.topic("/topic")
     world.put(topic, "a")
     world.pipeline.pump()
-    assert topic.update_offers([QoSProfile(), QoSProfile(7)])
-    world.pipeline.set_publishers(topic, {}, is_new=True)
+    topic.update_offers([QoSProfile(), QoSProfile(7)])
+    world.put(topic, "b")
+    world.pipeline.pump()
+    world.pipeline.split()
+    world.put(topic, "c")
     world.finish()
-    (found,) = world.bag.metadata.topics
-    assert [qos.depth for qos in found.topic_metadata.offered_qos_profiles] == [10, 7]
+    with AnyReader([folder]) as reader:
+        assert [data[8:9] for _, _, data in reader.messages()] == [b"a", b"b", b"c"]
 
 
 @pytest.mark.parametrize("is_snapshot", [False, True])

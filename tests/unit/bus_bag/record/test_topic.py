@@ -18,10 +18,9 @@ LATCHED = QoSProfile(1, durability="transient_local")
 def test_a_profile_counts_as_often_as_there_were_publishers_with_it_at_one_time() -> None:
     schema = MessageSchema.of(String)
     topic = RecordedTopic(Found("/tf_static", schema.type_name, schema.type_hash), schema)
-    assert topic.update_offers([QoSProfile(), LATCHED]) and topic.is_latched
-    assert not topic.update_offers([LATCHED])
-    assert topic.update_offers([LATCHED, LATCHED])
-    assert not topic.update_offers([]) and not topic.update_offers([LATCHED, LATCHED]) and topic.is_latched
+    for offers in ([QoSProfile(), LATCHED], [LATCHED], [LATCHED, LATCHED], [], [LATCHED, LATCHED]):
+        topic.update_offers(offers)
+        assert topic.is_latched
     assert topic.metadata.offered_qos_profiles == (QoSProfile(), LATCHED, LATCHED)
 
 
