@@ -124,6 +124,12 @@ def test_mistakes_write_nothing(folder: Path, bus: Bus, words: tuple[str, ...], 
     assert not folder.exists()
 
 
+def test_another_word(folder: Path, bus: Bus) -> None:
+    code, _, said = bus("zenoh", "instal")
+    assert code == 1 and "'instal' is neither install nor uninstall" in said
+    assert not folder.exists()
+
+
 def test_a_file_of_somebody_else_stays(folder: Path, bus: Bus) -> None:
     folder.mkdir(parents=True)
     (folder / NAME).write_text("[Service]\n")

@@ -14,15 +14,16 @@ from bus_cli.units import quoted, remove, systemctl, unit_folder, write
 __all__ = ["add_service_arguments", "change_service", "option", "words_of"]
 
 _OURS: Final = "# Written by bus bridge install."
+_VERBS: Final = "install", "uninstall"
 _TARGETS: Final = {False: "default.target", True: "multi-user.target"}
 
 
 def add_service_arguments(parser: ArgumentParser) -> None:
     """Add the positional argument, and the options that belong to it."""
+    # Without `choices`: the value of an option that argparse does not know would be called a wrong choice.
     parser.add_argument(
         "service",
         nargs="?",
-        choices=("install", "uninstall"),
         metavar="install|uninstall",
         help="write, or remove, a systemd unit that runs the bridge with these options; starts nothing",
     )
@@ -39,6 +40,8 @@ def option(key: str) -> str:
 
 def change_service(args: Namespace, engine: str, words: Iterable[str]) -> int:
     """Write or remove the unit. `words`: the options of the bridge. Raises CommandError."""
+    if args.service not in _VERBS:
+        raise CommandError(f"{args.service!r} is neither {' nor '.join(_VERBS)}")
     is_system = _checked(args)
     domain = domain_id(args.domain)
     kind = "rmw-zenoh" if getattr(args, "rmw", None) == "zenoh" else engine  # a bus may have both to ROS 2
