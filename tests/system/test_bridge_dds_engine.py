@@ -207,9 +207,10 @@ async def test_late_joiners_get_what_is_kept_both_ways(bridge: Bridge, alone: Al
     bridge.send(writer, "old", "map")
     assert writer.write(Loose([sample_of("map", bridge.numbers)])) == 1  # repeated: it has that sample
     reader = alone.reader("/map", *_LATCHED[:2], Policy.History.KeepAll)
-    await until(lambda: writer.is_wanted)
-    bridge.send(writer, "new")
     got: list[str] = []
+    await until(lambda: got.extend(taken(reader)) or got)
+    await until(lambda: writer.is_wanted)
+    bridge.send(writer, "new")  # not before: depth 1 keeps one sample for a reader that has not asked yet
     await until(lambda: got.extend(taken(reader)) or len(got) >= 2)
     assert got == ["map", "new"]
 
