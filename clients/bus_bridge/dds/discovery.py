@@ -13,8 +13,6 @@ from bus.names import (
     reply_topic,
     request_topic,
     validate_full_topic_name,
-    validate_namespace,
-    validate_node_name,
 )
 from bus.qos import Durability, QoSProfile, Reliability
 from bus.schema import MessageSchema
@@ -43,6 +41,7 @@ from bus_bridge.engine import FarEndpoint, FarNode, FarSide
 from bus_bridge.errors import BridgeError
 from bus_bridge.ros2.calls import OF_SERVICES
 from bus_bridge.ros2.known_types import MOST_UNKNOWN, TOO_MANY_UNKNOWN, KnownTypes
+from bus_bridge.ros2.node_names import is_right_node
 from bus_bridge.ros2.service_types import KnownServices
 from bus_bridge.ros2.type_names import type_from_dds
 
@@ -97,7 +96,7 @@ class Discovery:
         """Handle a participant's list of its own nodes."""
         if announcer_of(participant) in self.refused:
             return
-        right = [node for node in nodes if self._is_right(node)]
+        right = [node for node in nodes if is_right_node(node.namespace, node.name, self._far.warn)]
         self._report(self._graph.nodes_said(participant, right))
 
     def refuse(self, announcer: str) -> None:
@@ -120,16 +119,6 @@ class Discovery:
             unknown, self._unknown = self._unknown, {}
             for found in unknown.values():
                 self.endpoint_added(found)
-
-    def _is_right(self, node: NodeEntities) -> bool:
-        try:
-            validate_node_name(node.name)
-            validate_namespace(node.namespace)
-        except ConfigurationError as error:
-            name = f"{node.namespace.rstrip('/')}/{node.name}"
-            self._far.warn(f"node {name!r:.300} of ROS 2 is left out: {str(error).splitlines()[0]}")
-            return False
-        return True
 
     # --- news of the carrier
 

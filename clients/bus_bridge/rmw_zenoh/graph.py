@@ -16,8 +16,6 @@ from bus.names import (
     reply_topic,
     request_topic,
     validate_full_topic_name,
-    validate_namespace,
-    validate_node_name,
 )
 from bus.schema import MessageSchema
 from bus.types.service import keeping_all
@@ -26,6 +24,7 @@ from bus_bridge.errors import BridgeError
 from bus_bridge.rmw_zenoh.keys import EndpointToken, NodeToken, gid_of, parse_token
 from bus_bridge.ros2.calls import OF_SERVICES
 from bus_bridge.ros2.known_types import MOST_UNKNOWN, TOO_MANY_UNKNOWN, KnownTypes
+from bus_bridge.ros2.node_names import is_right_node
 from bus_bridge.ros2.service_types import KnownServices
 
 __all__ = ["MOST_TOKENS", "RosGraph", "ServiceKind", "announcer_of", "session_of"]
@@ -112,7 +111,7 @@ class RosGraph:
         session = node.session
         if key in self._known or node.is_of_busd or session == self._own or session in self.refused:
             return
-        if not self._is_right(node):
+        if not is_right_node(node.namespace, node.name, self._far.warn):
             return
         if len(self._known) >= MOST_TOKENS:
             self._make_room()
@@ -201,16 +200,6 @@ class RosGraph:
         self.refuse(announcer_of(most))
         self.forget_refused()
         self._far.warn(f"session {most} is refused: of {MOST_TOKENS} tokens it has announced {count}")
-
-    def _is_right(self, node: NodeToken) -> bool:
-        try:
-            validate_node_name(node.name)
-            validate_namespace(node.namespace)
-        except ConfigurationError as error:
-            name = f"{node.namespace.rstrip('/')}/{node.name}"
-            self._far.warn(f"node {name!r:.300} of ROS 2 is left out: {str(error).splitlines()[0]}")
-            return False
-        return True
 
     def _report(self, key: str, token: EndpointToken) -> None:
         is_of_topic = token.kind in ("MP", "MS")
