@@ -69,13 +69,16 @@ class loading(deferred_interrupts):
         super().__enter__()
         self._late = late_modules()
         self._late.__enter__()
+        self._modules = len(sys.modules)
         # The collector would check all modules several times, and find nothing.
         self._collects = gc.isenabled()
         gc.disable()
 
     def __exit__(self, *error: object) -> None:
         if self._collects:
-            if _is_frozen:
+            if len(sys.modules) == self._modules:
+                pass  # usual later: a program has all modules, and to count its frozen objects can take 10 ms
+            elif _is_frozen:
                 gc.freeze()
             elif not gc.get_freeze_count():  # else the program has frozen objects, which must stay frozen
                 gc.freeze()
