@@ -1,8 +1,8 @@
-"""The part of random examples that a test tries: a third in `make test`, all in `make nightly`."""
+"""The part of random examples that a test tries: a sixth in `make test`, all in `make nightly`."""
 
 import hypothesis
 
-DAILY, NIGHTLY = 33, 100
+DAILY, NIGHTLY = 16, 100
 """Percentages, and hypothesis's numbers of examples for tests without their own."""
 
 
