@@ -30,6 +30,7 @@ def said(capfd: pytest.CaptureFixture[str]) -> Iterator[Callable[[], str]]:
     """The lines logged since the last call. Afterwards, the log is restored."""
     root = logging.getLogger()
     before = root.level, root.handlers[:]
+    names = {level: logging.getLevelName(level) for level in (logging.WARNING, logging.CRITICAL)}
     root.handlers[:] = []
 
     def look() -> str:
@@ -41,6 +42,8 @@ def said(capfd: pytest.CaptureFixture[str]) -> Iterator[Callable[[], str]]:
     for handler in root.handlers:
         handler.close()
     root.level, root.handlers[:] = before
+    for level, name in names.items():
+        logging.addLevelName(level, name)  # another test of this process may expect Python's own names
 
 
 class Reader:
