@@ -1,10 +1,11 @@
 """`python -m mutants [WORD ...]`: breaks one line after the other in a copy of the tree, and runs its tests.
 
 With words: only mutants with one of the words in their file or description. Fails if the tests pass
-nevertheless (the mutant survived), if the line does not exist exactly once, or if the tests fail on the
-unbroken tree.
+nevertheless (the mutant survived) or can't be run, if the line does not exist exactly once, or if the tests
+fail on the unbroken tree.
 """
 
+import ast
 import os
 import shutil
 import subprocess
@@ -18,6 +19,9 @@ import msgspec
 
 ROOT = Path(__file__).parents[2]
 LIMIT_S = 100
+"""The longest run of a mutant's tests; longer, and they hang."""
+LIMIT_OF_ALL_S = 1200
+"""The longest run of all these tests on the unbroken tree."""
 _FAILED = 1
 """pytest's status if tests failed; it has others if they could not be run."""
 _FOLDERS = ("busd", "clients", "tests", "examples", "benchmarks", "docs")
@@ -65,8 +69,8 @@ def main(words: list[str]) -> int:
         if any(one.is_in_core for one in mutants):
             _build_core(tree)
         tests = sorted({test for one in mutants for test in one.tests})
-        if _fails(tree, tests):
-            print("the tests fail as it is")
+        if report := _report_of_unbroken(tree, tests):
+            print(f"the tests fail on the unbroken tree:\n{report}")
             return 1
         survivors = [one for one in mutants if not _is_killed(tree, one)]
     print(f"{len(mutants)} mutants, {len(survivors)} survived")
@@ -80,9 +84,16 @@ def read() -> list[Mutant]:
 
 def mistakes(mutant: Mutant) -> list[str]:
     """Mismatches between the mutant and the tree: in its line, and in its tests."""
-    is_there = (ROOT / mutant.file).read_text().count(mutant.old) == 1
-    line = [] if is_there else [f"not there once: {mutant.file}: {mutant.old!r} ({mutant.breaks})"]
-    return line + [f"no such file: {test}" for test in mutant.tests if not (ROOT / test).is_file()]
+    source = (ROOT / mutant.file).read_text()
+    found = [f"no such file: {test}" for test in mutant.tests if not (ROOT / test).is_file()]
+    if source.count(mutant.old) != 1:
+        found.append(f"not there once: {mutant.file}: {mutant.old!r} ({mutant.breaks})")
+    elif mutant.file.endswith(".py"):
+        try:
+            ast.parse(source.replace(mutant.old, mutant.new))
+        except SyntaxError as error:
+            found.append(f"no Python any more: {mutant.file}: {error} ({mutant.breaks})")
+    return found
 
 
 def _copy(tree: Path) -> None:
@@ -102,14 +113,16 @@ def _is_killed(tree: Path, mutant: Mutant) -> bool:
     try:
         if mutant.is_in_core:
             _build_core(tree)
-        is_killed = _fails(tree, mutant.tests)
+        word = "killed" if _fails(tree, mutant.tests) else "SURVIVED"
+    except RuntimeError as error:
+        print(error)
+        word = "NOT RUN"
     finally:
         path.write_text(source)
         for core, content in cores.items():
             core.write_bytes(content)
-    word = "killed" if is_killed else "SURVIVED"
     print(f"{word:<8} {time.monotonic() - began:5.1f} s  {mutant.file}: {mutant.breaks}", flush=True)
-    return is_killed
+    return word == "killed"
 
 
 def _build_core(tree: Path) -> None:
@@ -127,11 +140,29 @@ def _build_core(tree: Path) -> None:
         raise RuntimeError(f"the native core could not be built:\n{done.stderr}")
 
 
+def _report_of_unbroken(tree: Path, tests: list[str]) -> str:
+    """The failures of these tests in the copy, which is not broken; "" if there are none."""
+    native, others = _parted(tests)
+    failed = [name for name in native if _native_fails(tree, name)]
+    if failed:
+        return "\n".join(failed)
+    try:
+        done = _pytest(tree, others, LIMIT_OF_ALL_S, "-n", str(os.cpu_count()))
+    except subprocess.TimeoutExpired:
+        return f"they did not end within {LIMIT_OF_ALL_S} s"
+    return done.stdout if done.returncode else ""
+
+
 def _fails(tree: Path, tests: list[str]) -> bool:
     """Whether one of these tests fails in the copy."""
-    native = [Path(test).stem for test in tests if test.startswith(_NATIVE)]
-    others = [test for test in tests if not test.startswith(_NATIVE)]
+    native, others = _parted(tests)
     return any(_native_fails(tree, name) for name in native) or (bool(others) and _pytest_fails(tree, others))
+
+
+def _parted(tests: list[str]) -> tuple[list[str], list[str]]:
+    """The names of the tests in C, and the paths of the others."""
+    native = [Path(test).stem for test in tests if test.startswith(_NATIVE)]
+    return native, [test for test in tests if not test.startswith(_NATIVE)]
 
 
 def _native_fails(tree: Path, name: str) -> bool:
@@ -146,23 +177,26 @@ def _native_fails(tree: Path, name: str) -> bool:
 
 
 def _pytest_fails(tree: Path, tests: list[str]) -> bool:
-    paths = os.pathsep.join([str(tree), str(tree / "clients")])
-    command = [sys.executable, "-m", "pytest", "-xq", "-n", "0", "-p", "no:cacheprovider", *tests]
     try:
-        done = subprocess.run(
-            command,
-            cwd=tree,
-            env=os.environ | {"PYTHONPATH": paths, "PYTHONDONTWRITEBYTECODE": "1"},
-            capture_output=True,
-            text=True,
-            timeout=LIMIT_S,
-            check=False,
-        )
+        done = _pytest(tree, tests, LIMIT_S, "-x", "-n", "0")
     except subprocess.TimeoutExpired:
         return True  # it hangs
     if done.returncode > _FAILED:
         raise RuntimeError(f"the tests could not be run:\n{done.stdout}\n{done.stderr}")
     return done.returncode != 0  # below 0: the core has crashed
+
+
+def _pytest(tree: Path, tests: list[str], limit_s: float, *options: str) -> subprocess.CompletedProcess[str]:
+    paths = os.pathsep.join([str(tree), str(tree / "clients")])
+    return subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", *options, "-p", "no:cacheprovider", *tests],
+        cwd=tree,
+        env=os.environ | {"PYTHONPATH": paths, "PYTHONDONTWRITEBYTECODE": "1"},
+        capture_output=True,
+        text=True,
+        timeout=limit_s,
+        check=False,
+    )
 
 
 if __name__ == "__main__":

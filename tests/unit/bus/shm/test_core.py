@@ -68,8 +68,8 @@ def test_ages_of_some_are_looked_at(talker: Talker, listener: Listener) -> None:
 def test_the_histogram_of_ages_has_the_parts_of_the_library(talker: Talker, listener: Listener) -> None:
     clock_ns = 20_000 * 10**9
     listener.join(talker, clock_ns=clock_ns)
-    bits_of_most = time.monotonic_ns().bit_length() - 2  # no sample is older than this machine's clock
-    for age_ns in (place << bits for bits in reversed(range(bits_of_most)) for place in (3, 2)):  # stamps only grow
+    bits_of_most = time.monotonic_ns().bit_length() - 2  # no sample is older than the clock; stamps only grow
+    for age_ns in (place << bits for bits in reversed(range(bits_of_most)) for place in (3, 2)):
         talker.writer.write_parts([b"x"], stamp_ns=time.monotonic_ns() - age_ns + clock_ns)
         assert listener.take() == [b"x"]
         count, _, most_ns, parts = listener.reader.pop_ages()

@@ -28,6 +28,7 @@ OPTIONS: dict[str, object] = {
     "report_failed": False,
     "exclude_packages": False,
     "include_warnings": False,
+    "live": False,
     "conformance": False,
     "story": None,
 }
