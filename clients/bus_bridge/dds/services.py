@@ -11,7 +11,6 @@ import asyncio
 from collections import defaultdict
 from collections.abc import Callable
 from typing import Final, NamedTuple
-from weakref import WeakValueDictionary
 
 from bus_bridge.dds.names import MARK, service_to_dds, service_types_to_dds, user_data_of
 from bus_bridge.dds.service_identity import (
@@ -22,10 +21,10 @@ from bus_bridge.dds.service_identity import (
     write_request,
 )
 from bus_bridge.engine import LocalNode
-from bus_bridge.errors import BridgeError
+from bus_bridge.ros2.calling import CallingClient
 from bus_bridge.ros2.calls import NoServer, RequestId, Response
 from bus_bridge.ros2.service_types import ServiceTypes
-from bus_bridge.ros2.turns import Turns
+from bus_bridge.ros2.turns import TurnsOfServices
 from bus_bridge.rtps.announcements import EndpointData, ParticipantData
 from bus_bridge.rtps.ids import PREFIX_BYTES
 from bus_bridge.rtps.parameters import RtpsError
@@ -36,14 +35,10 @@ __all__ = ["ServiceClient", "ServiceServer", "Services"]
 
 _REQUESTS, _REPLIES = "rq/", "rr/"
 _OF_RESULTS: Final = "/_action/get_resultRequest"
-_MOST_CALLS: Final = 10_000
-"""Calls of one client of ours without an answer."""
 _MOST_OF_CLIENT: Final = 1000
 """Requests of one far client without an answer: without this limit one could shut out the others."""
 _MOST_EARLY: Final = 100
 """Clients with answers that wait for their reader's announcement, and such answers of one client."""
-_POLL_S: Final = 0.01
-_LONGEST_POLL_S: Final = 0.2
 
 
 class _Topics(NamedTuple):
@@ -77,8 +72,7 @@ class Services:
         self._servers: set[ServiceServer] = set()
         self._vendors: dict[bytes, bytes] = {}
         """Vendors of far endpoints, by GUID."""
-        self._turns: WeakValueDictionary[str, Turns] = WeakValueDictionary()
-        """By topic of requests: all our clients of a service have the same."""
+        self.turns = TurnsOfServices()
         self.participant = RunningParticipant(
             domain, self, _is_of_service, host=host, peers=peers, user_data=user_data
         )
@@ -104,14 +98,6 @@ class Services:
         client = ServiceClient(self, _topics(service, type_name), user_data)
         self._clients.add(client)
         return client
-
-    def turns_of(self, requests: str) -> Turns:
-        """The turns of calls of a service, by its topic of requests."""
-        found = self._turns.get(requests)
-        if found is None:
-            # A server takes requests for results at once, and answers when the goals end.
-            found = self._turns[requests] = Turns(1.0) if requests.endswith(_OF_RESULTS) else Turns()
-        return found
 
     def vendor_of(self, guid: bytes) -> bytes:
         """The vendor of the participant of a far endpoint."""
@@ -282,25 +268,34 @@ class _Server(NamedTuple):
     writer: bytes
 
 
-class ServiceClient:
-    """A client of a service; made by `Services.make_client`."""
+class _Call(NamedTuple):
+    """A call that was sent, to that server."""
+
+    answer: "asyncio.Future[Response]"
+    server: _Server
+
+
+class ServiceClient(CallingClient[_Call]):
+    """A client of a service; made by `Services.make_client`.
+
+    If the answer to a call that was given up comes, it counts as late.
+    """
 
     def __init__(self, services: Services, topics: _Topics, user_data: bytes) -> None:
+        requests = topics.requests
+        super().__init__(
+            requests, services.turns.find(requests, is_of_results=requests.endswith(_OF_RESULTS))
+        )
         self.faulty = 0
         """Answers without an identity."""
         self.late = 0
         """Answers to calls that were given up, or had an answer."""
         self._services = services
         self._participant = services.participant
-        self._calls: dict[int, tuple[asyncio.Future[Response], _Server]] = {}
         self._reader = self._participant.add_reader(
             topics.replies, topics.response_type, self._arrived, user_data=user_data
         )
-        self._writer = self._participant.add_writer(topics.requests, topics.request_type, user_data=user_data)
-        self._name = topics.requests
-        self._turns = services.turns_of(topics.requests)
-        self._waiting = 0
-        self._is_closed = False
+        self._writer = self._participant.add_writer(requests, topics.request_type, user_data=user_data)
 
     @property
     def guids(self) -> tuple[bytes, bytes]:
@@ -308,44 +303,9 @@ class ServiceClient:
         return self._reader.guid, self._writer.guid
 
     @property
-    def waiting(self) -> int:
-        """The number of calls without an answer."""
-        return len(self._calls) + self._waiting
-
-    @property
     def is_ready(self) -> bool:
         """Whether a server is there, and knows this client."""
         return self._find_server() is not None
-
-    async def wait_until_ready(self) -> None:
-        """Wait for a server. Raises NoServer if the client is closed. Cancellation leaves nothing behind."""
-        pause_s = _POLL_S
-        while not self.is_ready:
-            if self._is_closed:
-                raise NoServer(f"the client of {self._name} is closed")
-            # RTPS gives no news of acknowledgments, and they come within milliseconds.
-            await asyncio.sleep(pause_s)
-            pause_s = min(1.5 * pause_s, _LONGEST_POLL_S)
-
-    async def call(self, cdr: bytes) -> Response:
-        """Make a call. There is no time limit.
-
-        Raises NoServer if there is no server, or if it goes before it has answered, BridgeError for too
-        many calls at once. Cancellation gives the call up: its answer counts as late.
-        """
-        if self.waiting >= _MOST_CALLS:
-            raise BridgeError(f"{_MOST_CALLS} calls of {self._name} wait for an answer, which is the limit")
-        self._waiting += 1
-        try:
-            turn = await self._turns.begin(self)
-        finally:
-            self._waiting -= 1
-        try:
-            answer = await self._ask(cdr)
-            self._turns.answered(turn)
-        finally:
-            self._turns.ended(turn)
-        return answer
 
     def close(self) -> None:
         """End the client: its calls fail. A second call has no effect."""
@@ -371,7 +331,7 @@ class ServiceClient:
         vendor = self._services.vendor_of(server.reader)
         sample = write_request(cdr, self._reader.guid, self._writer.guid, number, vendor)
         future: asyncio.Future[Response] = asyncio.get_running_loop().create_future()
-        self._calls[number] = future, server
+        self._calls[number] = _Call(future, server)
         try:
             self._participant.write(self._writer, sample.payload, inline=sample.inline, to=server.reader)
             return await future

@@ -8,7 +8,6 @@ import asyncio
 import time
 from collections.abc import Callable, Mapping
 from typing import Final
-from weakref import WeakValueDictionary
 
 from bus.qos import QoSProfile
 from bus_bridge.engine import LocalNode
@@ -17,9 +16,10 @@ from bus_bridge.rmw_zenoh import attachment
 from bus_bridge.rmw_zenoh.graph import ServiceKind
 from bus_bridge.rmw_zenoh.keys import Kind, data_key, gid_of
 from bus_bridge.rmw_zenoh.session import Asking, Question, RosSession
+from bus_bridge.ros2.calling import CallingClient
 from bus_bridge.ros2.calls import NoServer, RequestId, Response
 from bus_bridge.ros2.service_types import ServiceTypes
-from bus_bridge.ros2.turns import Turns
+from bus_bridge.ros2.turns import TurnsOfServices
 
 __all__ = ["QOS", "RosClient", "RosServer", "RosServices"]
 
@@ -28,12 +28,10 @@ QOS: Final = QoSProfile(10)
 _MOST_BYTES: Final = 64 << 20
 """Requests to one server of ours: at most so many bytes without an answer, and between zenoh's thread and the
 loop."""
-_MOST_CALLS: Final = 10_000
-"""Calls of one client of ours without an answer."""
 _MOST_OF_CLIENT: Final = 1000
 """Requests of one far client without an answer: without this limit one could shut out the others."""
-_POLL_S: Final = 0.01
-_LONGEST_POLL_S: Final = 0.2
+
+_OF_RESULTS: Final = "/_action/get_result/"
 
 MakeToken = Callable[[LocalNode, Kind, str, str, str, QoSProfile], str]
 """Makes the token of an endpoint from its node, kind, topic, type, hash and profile."""
@@ -59,7 +57,7 @@ class RosServices:
         self.warn = warn
         self._clients: dict[RosClient, None] = {}
         self._servers: dict[RosServer, None] = {}
-        self._turns: WeakValueDictionary[str, Turns] = WeakValueDictionary()
+        self.turns = TurnsOfServices()
 
     def for_end(self, node: LocalNode, types: ServiceTypes) -> "_OfEnd":
         """As `CallCarrier`."""
@@ -77,15 +75,6 @@ class RosServices:
             self._clients.pop(end, None)
         else:
             self._servers.pop(end, None)
-
-    def turns_of(self, key: str) -> Turns:
-        """The turns of calls of a service, by its key: all our clients of it share them."""
-        found = self._turns.get(key)
-        if found is None:
-            # A server takes requests for results at once, and answers when the goals end.
-            is_of_results = "/_action/get_result/" in key
-            found = self._turns[key] = Turns(1.0) if is_of_results else Turns()
-        return found
 
     def publisher_gone(self, gid: bytes) -> None:
         """A far endpoint has gone: a client, whose requests need no answer any more, or a server."""
@@ -237,23 +226,19 @@ class RosServer:
         return sum(one.client == client for one in self._open)
 
 
-class RosClient:
+class RosClient(CallingClient["asyncio.Future[Response]"]):
     """A client of ours."""
 
     def __init__(self, services: RosServices, node: LocalNode, service: str, types: ServiceTypes) -> None:
+        self._kind = ServiceKind(service, types.type_name, types.type_hash)
+        key = data_key(services.domain, *self._kind)
+        super().__init__(service, services.turns.find(key, is_of_results=_OF_RESULTS in key))
         self.faulty = 0
         """Answers without an attachment, or with one of another call."""
         self._services = services
-        self._service = service
-        self._kind = ServiceKind(service, types.type_name, types.type_hash)
-        key = data_key(services.domain, *self._kind)
         token = services.make_token(node, "SC", *self._kind, QOS)
         self._gid = gid_of(token)
         self._number = 0
-        self._waiting = 0
-        self._calls: dict[int, asyncio.Future[Response]] = {}
-        self._turns = services.turns_of(key)
-        self._is_closed = False
         self._asking = Asking(services.session, key)
         self._token = services.session.token(token)
         services.add(self)
@@ -263,40 +248,10 @@ class RosClient:
         return self._gid, self._gid
 
     @property
-    def waiting(self) -> int:
-        """The number of calls without an answer."""
-        return len(self._calls) + self._waiting
-
-    @property
     def is_ready(self) -> bool:
         """Whether a server is there, and requests reach it."""
         is_there = not self._is_closed and bool(self._services.find_servers(self._kind))
         return is_there and self._asking.is_matched
-
-    async def wait_until_ready(self) -> None:
-        pause_s = _POLL_S
-        while not self.is_ready:
-            if self._is_closed:
-                raise NoServer(f"the client of {self._service} is closed")
-            await asyncio.sleep(pause_s)  # the token of a server may come before its queryable, or after it
-            pause_s = min(1.5 * pause_s, _LONGEST_POLL_S)
-
-    async def call(self, cdr: bytes) -> Response:
-        if self.waiting >= _MOST_CALLS:
-            raise BridgeError(
-                f"{_MOST_CALLS} calls of {self._service} wait for an answer, which is the limit"
-            )
-        self._waiting += 1
-        try:
-            turn = await self._turns.begin(self)
-        finally:
-            self._waiting -= 1
-        try:
-            answer = await self._ask(cdr)
-            self._turns.answered(turn)
-        finally:
-            self._turns.ended(turn)
-        return answer
 
     def server_gone(self) -> None:
         """A server may have gone: without any, calls get no answer."""
@@ -314,7 +269,7 @@ class RosClient:
 
     async def _ask(self, cdr: bytes) -> Response:
         if self._is_closed or not self._services.find_servers(self._kind):
-            raise NoServer(f"no server of {self._service}")
+            raise NoServer(f"no server of {self._name}")
         self._number += 1
         number = self._number
         future: asyncio.Future[Response] = asyncio.get_running_loop().create_future()
@@ -325,7 +280,7 @@ class RosClient:
             if future.done():
                 return
             if error:
-                future.set_exception(BridgeError(f"a call of {self._service} failed: {error}"))
+                future.set_exception(BridgeError(f"a call of {self._name} failed: {error}"))
             elif found is None or (found.number, found.gid) != (number, self._gid):
                 self.faulty += 1
             else:
@@ -354,4 +309,4 @@ class RosClient:
 
     def _no_answer(self, future: "asyncio.Future[Response]", why: str) -> None:
         if not future.done():
-            future.set_exception(NoServer(f"a call of {self._service} gets no answer: {why}"))
+            future.set_exception(NoServer(f"a call of {self._name} gets no answer: {why}"))

@@ -9,8 +9,9 @@ also if an earlier one has no answer: it is lost, or the server works on many ca
 import asyncio
 from collections import deque
 from typing import Final
+from weakref import WeakValueDictionary
 
-__all__ = ["Turns"]
+__all__ = ["Turns", "TurnsOfServices"]
 
 _AT_ONCE: Final = 8
 """A server of ROS 2 keeps ten requests that it has not taken, and forgets the oldest ones without a word."""
@@ -97,3 +98,21 @@ class Turns:
         self._pause = None
         self._give(self._waiting.popleft()[0])
         self._settle()
+
+
+class TurnsOfServices:
+    """The turns of each service: all our clients of a service share them."""
+
+    def __init__(self) -> None:
+        self._found: WeakValueDictionary[str, Turns] = WeakValueDictionary()
+
+    def find(self, service: str, *, is_of_results: bool) -> Turns:
+        """The turns of a service, by a text that only this service has.
+
+        `is_of_results`: by this service an action gives results. Its server takes requests at once, and
+        answers when the goals end, so the pauses do not grow.
+        """
+        found = self._found.get(service)
+        if found is None:
+            found = self._found[service] = Turns(1.0) if is_of_results else Turns()
+        return found

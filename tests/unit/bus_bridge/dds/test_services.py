@@ -7,7 +7,6 @@ import pytest
 
 from bridged_world import until
 from bus_bridge.dds.services import ServiceClient, Services, ServiceServer
-from bus_bridge.errors import BridgeError
 from bus_bridge.ros2 import turns
 from bus_bridge.ros2.calls import NoServer, RequestId, Response
 from bus_bridge.rtps.reader import Reader
@@ -178,15 +177,6 @@ async def test_a_request_that_gets_no_answer(world: World) -> None:
     task = await world.hold()
     world.server.drop(world.requests[0][0])
     assert world.server.waiting == 0 and not task.done()
-    task.cancel()
-
-
-async def test_calls_have_a_limit(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("bus_bridge.dds.services._MOST_CALLS", 1)
-    await world.ready()
-    task = await world.hold()
-    with pytest.raises(BridgeError, match="1 calls of rq/sRequest wait for an answer"):
-        await world.client.call(CDR)
     task.cancel()
 
 

@@ -334,9 +334,8 @@ async def test_a_closed_client_does_not_wait_for_the_calls_of_another_one(world:
 
 async def test_turns_of_results_don_t_slow_down(world: World) -> None:
     """A server answers requests for results when their goals end."""
-    results = world.services.turns_of("0/walk/_action/get_result/some_msgs::action::dds_::W_GetResult_/h")
-    assert (results._growth, world.services.turns_of(KEY)._growth) == (1.0, 4.0)
-    assert world.services.turns_of(KEY) is not results
+    results = world.services.for_end(NODE, TRIGGER).make_client("/walk/_action/get_result", TRIGGER.type_name)
+    assert (results._turns._growth, world.client()._turns._growth) == (1.0, 4.0)
 
 
 async def _turn() -> None:
@@ -353,14 +352,3 @@ async def test_a_call_that_is_given_up(world: World) -> None:
     with pytest.raises(asyncio.CancelledError):
         await task
     assert (client.waiting, world.session.asking.given_up) == (0, 1)
-
-
-async def test_too_many_calls(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(services, "_MOST_CALLS", 2)
-    client = world.client()
-    tasks = [asyncio.create_task(client.call(b"ask")) for _ in range(2)]
-    await asyncio.sleep(0)
-    with pytest.raises(BridgeError, match="2 calls of /trigger wait for an answer, which is the limit"):
-        await client.call(b"ask")
-    client.close()
-    assert [type(one) for one in await asyncio.gather(*tasks, return_exceptions=True)] == 2 * [NoServer]

@@ -5,7 +5,7 @@ import asyncio
 import pytest
 
 from bus_bridge.ros2 import turns as module
-from bus_bridge.ros2.turns import Turns
+from bus_bridge.ros2.turns import Turns, TurnsOfServices
 
 
 class World:
@@ -86,3 +86,17 @@ async def test_a_client_that_leaves_waits_no_longer() -> None:
     await first
     assert (len(world.turns), last.done()) == (1, False)
     last.cancel()
+
+
+async def test_clients_of_a_service_share_their_turns() -> None:
+    all_turns = TurnsOfServices()
+    first = all_turns.find("/ask", is_of_results=False)
+    assert all_turns.find("/ask", is_of_results=False) is first
+    assert all_turns.find("/other", is_of_results=False) is not first
+
+
+async def test_turns_of_results_do_not_slow_down() -> None:
+    """A server answers requests for results when their goals end."""
+    all_turns = TurnsOfServices()
+    results, others = (all_turns.find(str(one), is_of_results=one) for one in (True, False))
+    assert (results._growth, others._growth) == (1.0, 4.0)
