@@ -153,6 +153,22 @@ class TestNothingIsLost:
         assert all(one.payloads == ["first", "second", "third"] for one in stage.many[:5])
         assert stage.core().crowds == {}
 
+    def test_another_process_of_many_dies_and_few_are_left(self) -> None:
+        """Most of the few have not got the first run yet, and the next run must not overtake it."""
+        stage = Stage(many=MANY // 4)
+        dying = stage.world.process()
+        for _ in range(MANY):
+            dying.subscription("/t")
+
+        def die() -> None:
+            dying.die()
+            assert any(crowd.has_news for crowd in stage.core().crowds.values())
+            stage.publisher.publish("second")
+
+        stage.once_between(die)
+        stage.publisher.publish("first")
+        assert all(one.payloads == ["first", "second"] for one in [*stage.many, stage.single])
+
     def test_busd_ends_meanwhile(self) -> None:
         stage = Stage()
         world = stage.world
