@@ -7,7 +7,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import chdir, contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
 from typing import IO, NamedTuple, Self
@@ -74,10 +74,11 @@ def begin(
 ) -> Fork | subprocess.Popen[bytes]:
     """Begin a Python program with these standard streams: forked, or in a new interpreter if `is_fresh`."""
     stdin, stdout, stderr = streams
-    if is_fresh or folder is not None or forks is None or not forks.can_run():
+    if is_fresh or forks is None or not forks.can_run():
         command = [sys.executable, *words]
         return subprocess.Popen(command, cwd=folder, stdin=stdin, stdout=stdout, stderr=stderr)
-    return forks.run(words, stdin=stdin, stdout=stdout, stderr=stderr)
+    with chdir(folder or Path.cwd()):
+        return forks.run(words, stdin=stdin, stdout=stdout, stderr=stderr)
 
 
 class Running:

@@ -8,11 +8,13 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable
+from contextlib import chdir
 from pathlib import Path
 from typing import NamedTuple
 
 import cli
 from conftest import TEST_S
+from effort import is_nightly
 from forks import Fork
 
 ROOT = Path(__file__).parents[1]
@@ -105,13 +107,18 @@ class Program:
 
 
 def _begin(command: list[str], folder: Path, output: int) -> Fork | subprocess.Popen[bytes]:
-    """Begin a program; users' own scripts get a new interpreter, without modules that they don't import."""
+    """Begin a program, forked if that can be.
+
+    In `make nightly`, users' own scripts get a new interpreter, without modules that they don't import.
+    """
     name, *arguments = command
     words = [*PROGRAMS.get(name, ()), *arguments]
     environment = {**os.environ, "PYTHONASYNCIODEBUG": "", "PYTHONUNBUFFERED": "1"}  # as in a terminal
     environment.pop("PYTEST_ADDOPTS", None)  # meant for this run, not for a page's
-    if name in ("busd", "bus") and folder == Path.cwd() and cli.forks and cli.forks.can_run(environment):
-        return cli.forks.run(words, stdout=output, stderr=output, environment=environment)
+    is_fork = name in ("busd", "bus") or (name == "python" and not is_nightly())
+    if is_fork and cli.forks and cli.forks.can_run(environment):
+        with chdir(folder):
+            return cli.forks.run(words, stdout=output, stderr=output, environment=environment)
     return subprocess.Popen(
         [sys.executable if name in PROGRAMS else name, *words],
         cwd=folder,

@@ -383,9 +383,10 @@ def make_parser(words: Sequence[str]) -> ArgumentParser:
     parser.set_defaults(main=_print_help(parser), json=False, include_hidden_topics=False)
     commands = parser.add_subparsers(title="commands", metavar="command", prog=program_name())
     for command, (text, verbs) in COMMANDS.items():
-        below = commands.add_parser(command, help=text, description=text, formatter_class=_Formatter)
         if command not in words:
+            _name(commands, command, text)
             continue
+        below = commands.add_parser(command, help=text, description=text, formatter_class=_Formatter)
         if not verbs or command in VERBS_WITH_VERBS:
             _fill(below, module_of(command))
         else:
@@ -397,12 +398,25 @@ def make_parser(words: Sequence[str]) -> ArgumentParser:
             title="verbs", metavar="verb", prog=f"{program_name()} {command}", parser_class=_VerbParser
         )
         for verb, what in verbs.items():
+            if verb not in words:
+                _name(choices, verb, what)
+                continue
             leaf: ArgumentParser = choices.add_parser(
                 verb, help=what, description=what, formatter_class=_Formatter
             )
-            if verb in words:
-                _fill(leaf, module_of(command, verb))
+            _fill(leaf, module_of(command, verb))
     return parser
+
+
+@cache
+def _no_arguments() -> ArgumentParser:
+    return _VerbParser(add_help=False)
+
+
+def _name(choices: "_SubParsersAction[Any]", word: str, text: str) -> None:
+    """Offer a word that was not typed, as `add_parser` does, but without a slow parser of its own."""
+    choices._choices_actions.append(choices._ChoicesPseudoAction(word, (), text))
+    choices._name_parser_map[word] = _no_arguments()
 
 
 def module_of(command: str, verb: str = "") -> str:

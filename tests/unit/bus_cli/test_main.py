@@ -2,7 +2,7 @@
 
 import signal
 import sys
-from argparse import ArgumentParser, _SubParsersAction
+from argparse import _SubParsersAction
 from importlib import import_module
 from pathlib import Path
 
@@ -39,16 +39,10 @@ def stop(*words: str) -> int:
 
 
 @for_each(("command", "verb"), VERBS)
-def test_every_verb_has_its_module(command: str, verb: str) -> None:
-    module = import_module(module_of(command, verb))
-    module.add_arguments(ArgumentParser())
-    assert callable(module.main)
-
-
-@pytest.mark.parametrize(("command", "verb"), VERBS)
-def test_every_verb_has_help_and_the_common_options(
+def test_every_verb_has_its_module_help_and_the_common_options(
     command: str, verb: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    assert callable(import_module(module_of(command, verb)).main)
     words = list(filter(None, (command, verb)))
     assert stop(*words, "--help") == 0
     text = capsys.readouterr().out
@@ -66,9 +60,7 @@ def test_help_lists_commands_and_verbs_with_their_lines(capsys: pytest.CaptureFi
             assert f"  {f'{command} {verb}':<22} {line}\n" in text
 
 
-@pytest.mark.parametrize(
-    "command", [one for one, (_, verbs) in COMMANDS.items() if verbs and one not in VERBS_WITH_VERBS]
-)
+@for_each("command", [one for one, (_, verbs) in COMMANDS.items() if verbs and one not in VERBS_WITH_VERBS])
 def test_a_command_by_itself_prints_its_help(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert run([command]) == 0
     text = capsys.readouterr().out
