@@ -19,6 +19,7 @@ from bus.process.address import socket_path
 from bus_cli.main import COMMANDS, module_of
 from bus_cli.query import Query
 from conftest import WAIT_S
+from effort import is_nightly
 from forks import Fork, Forks
 from neighbours import wait_until
 
@@ -31,7 +32,14 @@ IMPORTED = (
     *("bus", "bus.link.autostart", "bus.node", "bus.service.server", "bus.service.client", "uvloop", "yaml"),
     *("bus.msg.geometry_msgs", "bus.msg.sensor_msgs", "bus.msg.std_msgs", "bus.srv.example_interfaces"),
     *("bus.msg.rcl_interfaces", "bus.msg._described"),
-    *("bus_ros.rclpy", "bus_ros.rclpy.parameter_service", "bus_ros.rosidl"),
+    *("bus_ros.rclpy", "bus_ros.rclpy.action", "bus_ros.rclpy.lifecycle", "bus_ros.rclpy.parameter_service"),
+    *(
+        "bus_ros.rosidl",
+        "bus_ros.rosidl.support",
+        "bus_ros.running",
+        "bus.srv._described",
+        "bus.srv.std_srvs",
+    ),
     *("bus_bag.record.program", "mcap.records", "mcap.writer"),
 )
 """The imports of most programs in these tests."""
@@ -72,13 +80,17 @@ class Result(NamedTuple):
 def begin(
     words: Sequence[str], streams: Sequence[int], *, is_fresh: bool = False, folder: Path | None = None
 ) -> Fork | subprocess.Popen[bytes]:
-    """Begin a Python program with these standard streams: forked, or in a new interpreter if `is_fresh`."""
+    """Begin a Python program with these standard streams: forked, or in a new interpreter if `is_fresh`.
+
+    A fork that ends in order skips the finalization of modules, except in `make nightly`.
+    """
     stdin, stdout, stderr = streams
     if is_fresh or forks is None or not forks.can_run():
         command = [sys.executable, *words]
         return subprocess.Popen(command, cwd=folder, stdin=stdin, stdout=stdout, stderr=stderr)
     with chdir(folder or Path.cwd()):
-        return forks.run(words, stdin=stdin, stdout=stdout, stderr=stderr)
+        is_finalized = is_nightly()
+        return forks.run(words, stdin=stdin, stdout=stdout, stderr=stderr, is_finalized=is_finalized)
 
 
 class Running:

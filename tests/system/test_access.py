@@ -109,7 +109,7 @@ def lines_of(log: str, text: str) -> list[str]:
 
 
 class TestBetweenUsers:
-    @pytest.mark.parametrize("wished", ["", "socket"])
+    @pytest.mark.parametrize("wished", ["", pytest.param("socket", marks=pytest.mark.nightly)])
     def test_what_is_allowed_works(self, guests: Start, wished: str) -> None:
         """The two processes belong to two users; busd belongs to a third."""
         busd = guests(

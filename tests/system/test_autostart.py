@@ -15,6 +15,7 @@ import bus
 import bus.link.autostart
 from bus.msg.std_msgs import Int32
 from conftest import WAIT_S
+from effort import examples
 from neighbours import wait_until
 from semantics import until
 
@@ -101,8 +102,8 @@ def part(processes: list[subprocess.Popen[str]]) -> None:
         assert (process.returncode, errors) == (0, "")
 
 
-def test_eight_at_once(path: Path) -> None:
-    processes = meet(8, idle_s=IDLE_S)
+def test_several_at_once(path: Path) -> None:
+    processes = meet(2 + examples(6), idle_s=IDLE_S)
     (broker,) = {int(read_line(process)) for process in processes}
     assert {read_line(process) for process in processes} == {"met"}
     wait_until(lambda: daemons(path) == {broker})

@@ -48,7 +48,9 @@ async def started(path: Path) -> int:
     return pid
 
 
-@pytest.mark.parametrize("turns", [0, 1, 2, 5])
+@pytest.mark.parametrize(
+    "turns", [0, pytest.param(1, marks=pytest.mark.nightly), 2, pytest.param(5, marks=pytest.mark.nightly)]
+)
 async def test_cancelled_while_it_starts(path: Path, turns: int) -> None:
     """No closed descriptor stays registered for reading: uvloop aborts the process for that."""
     for _ in range(examples(3)):

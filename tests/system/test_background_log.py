@@ -19,10 +19,12 @@ from conftest import WAIT_S
 from neighbours import wait_until
 from raw_peer import RawPeer
 from system.test_autostart import daemons
-from unit.bus.process.test_logfile import every_kind, lines, look, thing
+from unit.bus.process.test_logfile import KINDS, KINDS_OF_ROOT, lines, look, thing
 from users import GUEST, needs_users
 
 IDLE = ("--idle-exit", "60")
+DAILY_KINDS = ("text", "folder", "fifo")
+"""The unit tests of the log file have each kind daily."""
 SLOW_BUSD = "import sys, time\nif 'busd' in sys.orig_argv:\n    time.sleep(600)\n"
 
 
@@ -69,7 +71,14 @@ def make_it_talk(path: Path, number: int = 1) -> None:
 
 
 class TestInTheWay:
-    @every_kind
+    @pytest.mark.parametrize(
+        "kind",
+        [
+            *DAILY_KINDS,
+            *(pytest.param(kind, marks=pytest.mark.nightly) for kind in KINDS if kind not in DAILY_KINDS),
+            *(pytest.param(*kind.values, marks=[*kind.marks, pytest.mark.nightly]) for kind in KINDS_OF_ROOT),
+        ],
+    )
     def test_it_stays_as_it_is_and_all_goes_on(
         self, kind: str, path: Path, log: Path, capfd: pytest.CaptureFixture[str]
     ) -> None:

@@ -42,7 +42,7 @@ def distribution(environment: Path, entry_points: str) -> None:
     (site / "my_arm-1.0.dist-info" / "entry_points.txt").write_text(entry_points)
 
 
-@pytest.mark.parametrize("name", ["my_arm", "my-arm", "My.Arm"])
+@pytest.mark.parametrize("name", [pytest.param("my_arm", marks=pytest.mark.nightly), "My.Arm"])
 def test_a_console_script_of_a_distribution(here: Path, environment: Path, name: str) -> None:
     text = "[gui_scripts]\nno = x:y\n[console_scripts]\n# talkers\nshow = arm.node:Show.main [extra]\n"
     distribution(environment, text)
@@ -93,7 +93,7 @@ def create(where: Path) -> Path:
     not (importlib.util.find_spec("pip") and importlib.util.find_spec("setuptools")),
     reason="needs pip and setuptools",
 )
-@pytest.mark.parametrize("way", [["-e"], []])
+@pytest.mark.parametrize("way", [pytest.param(["-e"], marks=pytest.mark.nightly), []])
 def test_a_new_package_with_pip(here: Path, environment: Path, way: list[str]) -> None:
     package = create(here)
     python = str(environment / "bin" / "python")
@@ -168,7 +168,7 @@ def main():
 """
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.nightly)])
 def test_a_package_on_the_bus(here: Path, environment: Path, daemon: object, number: signal.Signals) -> None:
     """A program that catches nothing ends without a traceback."""
     distribution(environment, "[console_scripts]\ntalker = arm_talker:main\nlistener = arm_listener:main\n")

@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import pytest
 
@@ -19,6 +20,7 @@ import bus
 from bus.msg.std_msgs import String
 from bus.qos import History, QoSProfile
 from bus.wire import messages as m
+from cli import Running
 from conftest import WAIT_S, Daemon
 from feeding import frame_record
 from neighbours import answers, descriptors_of, wait_until
@@ -43,14 +45,10 @@ def loop(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.Mon
 
 def run(*arguments: str | Path, **environment: str) -> subprocess.CompletedProcess[str]:
     """Runs busd to its end."""
-    return subprocess.run(
-        [sys.executable, "-m", "busd", *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        timeout=WAIT_S,
-        env={**os.environ, **environment},
-        check=False,
-    )
+    words = ("-m", "busd", *map(str, arguments))
+    with patch.dict(os.environ, environment), Running(words) as busd:
+        out, err, code = busd.end()
+    return subprocess.CompletedProcess(words, code, out, err)
 
 
 def refusal(*arguments: str | Path, **environment: str) -> str:

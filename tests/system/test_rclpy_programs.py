@@ -112,9 +112,17 @@ rclpy.spin(node)
 
 # --- errors
 
+SPINS = ("rclpy.spin(node)", "rclpy.spin_once(node)", "many.spin()")
 
-@pytest.mark.parametrize("spin", ["rclpy.spin(node)", "rclpy.spin_once(node)", "many.spin()"])
-@pytest.mark.parametrize("kind", ["timer", "subscription", "async"])
+
+@pytest.mark.parametrize(
+    ("spin", "kind"),
+    [
+        pytest.param(spin, kind, marks=() if spin == SPINS[0] or kind == "timer" else pytest.mark.nightly)
+        for kind in ("timer", "subscription", "async")
+        for spin in SPINS
+    ],
+)
 def test_an_error_in_a_callback_leaves_spin(tmp_path: Path, spin: str, kind: str) -> None:
     text = f"""
 rclpy.init()

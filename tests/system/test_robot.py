@@ -24,7 +24,7 @@ LAYERS = ("perception", "cognition", "actuation", "monitoring")
 
 @on_one_loop
 async def test_the_robot_ends_by_itself_with_a_summary(tmp_path: Path) -> None:
-    async with running(tmp_path, ROBOT / "main.py", "4") as robot:
+    async with running(tmp_path, ROBOT / "main.py", "2") as robot:
         status = await robot.end()
     *_, heading, camera, imu, joints, command, applied, verdict = robot.lines
     assert heading.split() == ["topic", "due", "sent", "got"]

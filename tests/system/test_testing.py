@@ -52,6 +52,18 @@ def test_the_programs_end():
     left[1].wait()
 """
 
+WITHOUT_BUSD = """\
+import pytest, bus.testing
+
+@pytest.fixture
+def bus_domain():
+    with bus.testing.Domain('--config', 'busd.toml') as domain:
+        yield domain
+
+def test_it(bus_node):
+    pass
+"""
+
 
 def run_pytest(folder: Path, *options: str) -> str:
     """The output of pytest."""
@@ -82,12 +94,20 @@ def test_the_example_of_the_page(tmp_path: Path) -> None:
     assert re.search(r"^=+ 5 passed in ", said, re.MULTILINE), said
 
 
-def test_what_is_left_is_named(tmp_path: Path) -> None:
-    (tmp_path / "conftest.py").write_text(EXAMPLE["conftest.py"])
-    (tmp_path / "test_wrong.py").write_text(WRONG)
-    said = run_pytest(tmp_path, "-rA")
+@pytest.fixture(scope="module")
+def said_of_mistakes(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """The output of pytest with wrong tests, and with a busd that can't start."""
+    folder = tmp_path_factory.mktemp("mistakes")
+    (folder / "conftest.py").write_text(EXAMPLE["conftest.py"])
+    (folder / "test_wrong.py").write_text(WRONG)
+    (folder / "busd.toml").write_text("[limits]\nnothing = 1\n")
+    (folder / "test_without_busd.py").write_text(WITHOUT_BUSD)
+    return run_pytest(folder, "-rA")
 
-    assert re.search(r"^=+ 1 failed, 6 passed.*, 3 errors in ", said, re.MULTILINE), said
+
+def test_what_is_left_is_named(said_of_mistakes: str) -> None:
+    said = said_of_mistakes
+    assert re.search(r"^=+ 1 failed, 6 passed.*, 4 errors in ", said, re.MULTILINE), said
     assert "  /camera of this process: publishes /image, subscribes to /commands\n" in said
     assert "  /driver of this process\n" in said
     program = r"^  /_bus_cli_\d+ of process \d+ \(\S+ -m bus_cli topic pub /talk .*\): publishes /talk$"
@@ -95,22 +115,9 @@ def test_what_is_left_is_named(tmp_path: Path) -> None:
     assert "/failed of this process" not in said
 
 
-def test_a_busd_that_can_not_start_says_why(tmp_path: Path) -> None:
-    (tmp_path / "busd.toml").write_text("[limits]\nnothing = 1\n")
-    (tmp_path / "conftest.py").write_text(EXAMPLE["conftest.py"])
-    (tmp_path / "test_it.py").write_text(
-        "import pytest, bus.testing\n"
-        "@pytest.fixture\n"
-        "def bus_domain():\n"
-        "    with bus.testing.Domain('--config', 'busd.toml') as domain:\n"
-        "        yield domain\n"
-        "def test_it(bus_node):\n"
-        "    pass\n"
-    )
-    said = run_pytest(tmp_path)
-    assert re.search("BrokerUnavailable: busd could not be started for a test: .*busd.toml.*nothing", said), (
-        said
-    )
+def test_a_busd_that_can_not_start_says_why(said_of_mistakes: str) -> None:
+    why = "BrokerUnavailable: busd could not be started for a test: .*busd.toml.*nothing"
+    assert re.search(why, said_of_mistakes), said_of_mistakes
 
 
 def test_nothing_of_the_library_needs_pytest() -> None:

@@ -282,40 +282,52 @@ def test_a_part_of_a_package_is_there_when_it_is_asked_for(tmp_path: Path) -> No
     ]
 
 
-@pytest.mark.parametrize(
-    ("code", "error"),
-    [
-        (
-            "from std_msgs.msg import Strin",
-            "ImportError: cannot import name 'Strin' from 'std_msgs.msg'; did you mean 'String'?",
-        ),
-        (
-            "import std_msgs.msg; std_msgs.msg.Strin",
-            "AttributeError: module 'std_msgs.msg' has no attribute 'Strin'",
-        ),
-        ("import ros2bag", "ModuleNotFoundError: busd has no 'ros2bag', which is a part of ROS 2"),
-        ("import tf2_ros.part", "ModuleNotFoundError: busd has no 'tf2_ros.part'"),
-        (
-            "import ros2bag",
-            "ModuleNotFoundError: busd has no 'ros2bag', which is a part",
-        ),
-        (
-            "from nav9_msgs.msg import A",
-            "ModuleNotFoundError: busd has no 'nav9_msgs': there are no definitions",
-        ),
-        ("import no_such_module", "ModuleNotFoundError: No module named 'no_such_module'"),
-        ("import std_srvs.msg", "ModuleNotFoundError: No module named 'std_srvs.msg'"),
-        ("import std_msgs.msg._strin", "ModuleNotFoundError: No module named 'std_msgs.msg._strin'"),
-        ("import std_msgs; std_msgs.srv", "AttributeError: module 'std_msgs' has no attribute 'srv'"),
-        ("from std_msgs import Bool", "ImportError: cannot import name 'Bool' from 'std_msgs'"),
-        ("import std_msgs.other", "ModuleNotFoundError: No module named 'std_msgs.other'"),
-        ("import rclpy.no_such_part", "ModuleNotFoundError: busd has no 'rclpy.no_such_part'"),
-        ("import rclpy.experimental.part", "ModuleNotFoundError: busd has no 'rclpy.experimental.part'"),
-        ("import bus.no_such_part", "ModuleNotFoundError: No module named 'bus.no_such_part'"),
-    ],
-)
-def test_what_is_missing_is_said(code: str, error: str, tmp_path: Path) -> None:
-    assert error_of(code, tmp_path).startswith(error)
+MISSING = [
+    (
+        "from std_msgs.msg import Strin",
+        "ImportError: cannot import name 'Strin' from 'std_msgs.msg'; did you mean 'String'?",
+    ),
+    (
+        "import std_msgs.msg; std_msgs.msg.Strin",
+        "AttributeError: module 'std_msgs.msg' has no attribute 'Strin'",
+    ),
+    ("import ros2bag", "ModuleNotFoundError: busd has no 'ros2bag', which is a part of ROS 2"),
+    ("import tf2_ros.part", "ModuleNotFoundError: busd has no 'tf2_ros.part'"),
+    (
+        "from nav9_msgs.msg import A",
+        "ModuleNotFoundError: busd has no 'nav9_msgs': there are no definitions",
+    ),
+    ("import no_such_module", "ModuleNotFoundError: No module named 'no_such_module'"),
+    ("import std_srvs.msg", "ModuleNotFoundError: No module named 'std_srvs.msg'"),
+    ("import std_msgs.msg._strin", "ModuleNotFoundError: No module named 'std_msgs.msg._strin'"),
+    ("import std_msgs; std_msgs.srv", "AttributeError: module 'std_msgs' has no attribute 'srv'"),
+    ("from std_msgs import Bool", "ImportError: cannot import name 'Bool' from 'std_msgs'"),
+    ("import std_msgs.other", "ModuleNotFoundError: No module named 'std_msgs.other'"),
+    ("import rclpy.no_such_part", "ModuleNotFoundError: busd has no 'rclpy.no_such_part'"),
+    ("import rclpy.experimental.part", "ModuleNotFoundError: busd has no 'rclpy.experimental.part'"),
+    ("import bus.no_such_part", "ModuleNotFoundError: No module named 'bus.no_such_part'"),
+]
+
+EACH_IN_A_CHILD = """
+import os, sys
+for code in {codes!r}:
+    if not os.fork():
+        exec(code)
+        os._exit(0)
+    os.wait()
+    print("next", file=sys.stderr, flush=True)
+"""
+
+
+def test_what_is_missing_is_said(tmp_path: Path) -> None:
+    """Each import is the first of its process."""
+    text = EACH_IN_A_CHILD.format(codes=[code for code, _ in MISSING])
+    done = start("import bus.rclpy_compat\n" + text, tmp_path)
+    assert done.returncode == 0, done.stderr
+    *said, rest = done.stderr.split("next\n")
+    assert rest == ""
+    for (code, error), told in zip(MISSING, said, strict=True):
+        assert told.splitlines()[-1].startswith(error), code
 
 
 def test_installing_twice_does_nothing_more(tmp_path: Path) -> None:

@@ -77,8 +77,14 @@ def _run(program: str, *options: str, **environ: str) -> "subprocess.CompletedPr
     )
 
 
-@pytest.mark.parametrize("name", PROGRAMS)
-@pytest.mark.parametrize("begin", ENVIRONMENTS)
+@pytest.mark.parametrize(
+    ("name", "begin"),
+    [
+        pytest.param(name, begin, marks=() if number == 0 or name == "bus.run" else pytest.mark.nightly)
+        for number, begin in enumerate(ENVIRONMENTS)
+        for name in PROGRAMS
+    ],
+)
 def test_a_program_that_cannot_start_says_one_line(name: str, begin: str) -> None:
     ended = _run(PROGRAMS[name], **ENVIRONMENTS[begin])
     assert (ended.returncode, ended.stdout, ended.stderr.count("\n")) == (1, "", 1), ended.stderr
@@ -114,8 +120,14 @@ SHORT = {
 }
 
 
-@pytest.mark.parametrize("name", SHORT)
-@pytest.mark.parametrize("limit", [6, 12, 31])
+@pytest.mark.parametrize(
+    ("name", "limit"),
+    [
+        pytest.param(name, limit, marks=() if row % 3 == column else pytest.mark.nightly)
+        for column, limit in enumerate([6, 12, 31])
+        for row, name in enumerate(SHORT)
+    ],
+)
 def test_too_few_open_files_are_one_line(name: str, limit: int) -> None:
     ended = _run(_LIMIT.format(limit) + SHORT[name], BUSD_SOCKET="/nowhere/b.sock", BUSD_AUTOSTART="0")
     assert (ended.returncode, ended.stderr.count("\n")) == (1, 1), ended.stderr
