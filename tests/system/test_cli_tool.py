@@ -16,8 +16,26 @@ from cli import BUS, LISTENER, TALKER, Result, bus, script, start, without_hint
 from conftest import WAIT_S
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("verb", ["echo", "hz", "bw", "delay", "pub"])
+@pytest.mark.parametrize(
+    ("verb", "number"),
+    [
+        ("echo", signal.SIGINT),
+        ("echo", signal.SIGTERM),
+        ("hz", signal.SIGINT),
+        ("pub", signal.SIGTERM),
+        *(
+            pytest.param(verb, number, marks=pytest.mark.nightly)
+            for verb, number in [
+                ("hz", signal.SIGTERM),
+                ("bw", signal.SIGINT),
+                ("bw", signal.SIGTERM),
+                ("delay", signal.SIGINT),
+                ("delay", signal.SIGTERM),
+                ("pub", signal.SIGINT),
+            ]
+        ),
+    ],
+)
 def test_signals_end_every_verb_that_stays(daemon: object, verb: str, number: signal.Signals) -> None:
     words = (
         ["topic", verb, "/topic", "std_msgs/msg/String"]

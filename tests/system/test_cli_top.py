@@ -451,7 +451,7 @@ def test_what_is_typed_and_is_no_text(world: None) -> None:
         assert shown.wait() == 0
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("number", [signal.SIGTERM, pytest.param(signal.SIGINT, marks=pytest.mark.nightly)])
 def test_the_terminal_is_put_back_after_a_signal(world: None, number: int) -> None:
     with terminal("-d", "0.2") as shown:
         before = shown.mode()
@@ -479,7 +479,7 @@ def test_it_is_stopped_and_goes_on(world: None) -> None:
         assert shown.wait() == 0
 
 
-@pytest.mark.parametrize("no_color", [True, False])
+@pytest.mark.parametrize("no_color", [True, pytest.param(False, marks=pytest.mark.nightly)])
 def test_no_color(world: None, no_color: bool) -> None:
     with terminal("-d", "0.2", **({"NO_COLOR": "1"} if no_color else {})) as shown:
         seen = shown.read_until("has lost: replaced")

@@ -102,7 +102,11 @@ async def test_a_publisher_and_two_subscribers(
 @pytest.mark.usefixtures("daemon")
 @pytest.mark.parametrize(
     ("way", "form", "code"),
-    [(RUN, "node", -signal.SIGTERM), (RUN, "member_function", 0), (FROM_INSIDE, "member_function", 0)],
+    [
+        (RUN, "node", -signal.SIGTERM),
+        pytest.param(RUN, "member_function", 0, marks=pytest.mark.nightly),
+        (FROM_INSIDE, "member_function", 0),
+    ],
 )
 @on_one_loop
 async def test_sigterm_ends_them_quietly(tmp_path: Path, way: tuple[str, ...], form: str, code: int) -> None:

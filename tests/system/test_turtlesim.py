@@ -238,7 +238,7 @@ async def test_keys_steer_it(sim: Sim) -> None:
     await sim.end(sim.node)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.nightly)])
 @on_one_loop
 async def test_a_signal_ends_it_and_the_terminal_is_as_before(number: int) -> None:
     async with teleop() as (program, _):
