@@ -68,7 +68,9 @@ def test_it(bus_node):
 def run_pytest(folder: Path, *options: str) -> str:
     """The output of pytest."""
     environ = {name: value for name, value in os.environ.items() if not name.startswith(("BUS", "PYTEST"))}
-    options = ("-p", "no:cacheprovider", "-o", "asyncio_mode=auto", "--rootdir", str(folder), *options)
+    environ["PYTEST_DISABLE_PLUGIN_AUTOLOAD"] = "1"  # the other plugins of this environment start slowly
+    plugins = ("-p", "pytest_asyncio.plugin", "-p", "xdist.plugin", "-p", "no:cacheprovider")
+    options = (*plugins, "-o", "asyncio_mode=auto", "--rootdir", str(folder), *options)
     done = subprocess.run(
         [sys.executable, "-m", "pytest", *options],
         cwd=folder,
@@ -83,14 +85,15 @@ def run_pytest(folder: Path, *options: str) -> str:
     return done.stdout
 
 
-def test_the_example_of_the_page(tmp_path: Path) -> None:
-    """In two workers of pytest-xdist, each with its own buses."""
+@pytest.mark.parametrize("workers", ["0", pytest.param("2", marks=pytest.mark.nightly)])
+def test_the_example_of_the_page(tmp_path: Path, workers: str) -> None:
+    """Workers of pytest-xdist have their own buses, as each test has."""
     pytest.importorskip("httpx2", reason="FastAPI's TestClient needs httpx2: make setup installs it")
     for name, text in EXAMPLE.items():
         (tmp_path / name).write_text(text)
     (tmp_path / "web.py").write_text(SERVER)
     assert set(EXAMPLE) == {"shouter.py", "test_shouter.py", "test_web.py", "conftest.py"}
-    said = run_pytest(tmp_path, "-n", "2")
+    said = run_pytest(tmp_path, "-n", workers)
     assert re.search(r"^=+ 5 passed in ", said, re.MULTILINE), said
 
 

@@ -10,6 +10,7 @@ from rclpy.utilities import remove_ros_args
 from show import name_of
 
 folder = Path(tempfile.mkdtemp())
+BARE = {"enable_rosout": False, "start_parameter_services": False}
 OWN = ("use_sim_time", "start_type_description_service")
 
 
@@ -34,7 +35,7 @@ def run(label, words, own=None, namespace="/", names=()):
         return
     options = {"allow_undeclared_parameters": True, "automatically_declare_parameters_from_overrides": True}
     try:
-        node = Node("node", context=context, namespace=namespace, cli_args=own, **options)
+        node = Node("node", context=context, namespace=namespace, cli_args=own, **options, **BARE)
         print(f"{label}: {node.get_fully_qualified_name()} {shown(node, names)}")
         node.destroy_node()
     except Exception as error:
