@@ -61,7 +61,8 @@ def _build(folder: Path) -> None:
     for name in ("callbacks", "peer", "repack", "service"):
         compile_c(folder, SOURCES / f"{name}.c", folder / name)
     if not why_no_cpp():
-        compile_cpp(folder, SOURCES / "peer.cpp", folder / "peer_cpp")
+        for name in ("peer", "service"):
+            compile_cpp(folder, SOURCES / f"{name}.cpp", folder / f"{name}_cpp")
 
 
 def why_no_cpp() -> str:

@@ -1,4 +1,4 @@
-"""Services of the C client: a server or a client in C, and the other end in Python, by both routes."""
+"""Services of the C client: a server or a client in C or C++, and the other end in Python, by both routes."""
 
 import asyncio
 import signal
@@ -22,9 +22,18 @@ def programs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return c_programs.build_once(tmp_path_factory)
 
 
-async def test_a_server_in_c(node: bus.Node, programs: Path, tmp_path: Path, route: str) -> None:
+@pytest.fixture(params=["service", "service_cpp"])
+def service(programs: Path, request: pytest.FixtureRequest) -> Path:
+    """The test program, in C and in C++."""
+    program: Path = programs / request.param
+    if not program.exists():
+        pytest.skip(c_programs.why_no_cpp())
+    return program
+
+
+async def test_a_server_in_c(node: bus.Node, service: Path, tmp_path: Path, route: str) -> None:
     client = await node.create_client(AddTwoInts, "/add")
-    async with running_command(tmp_path, programs / "service", "serve", "/add") as server:
+    async with running_command(tmp_path, service, "serve", "/add") as server:
         await client.wait_for_service()
         for number in range(200):
             assert (await client.call(AddTwoInts.Request(a=number, b=2))).sum == number + 2
@@ -39,8 +48,8 @@ async def test_a_server_in_c(node: bus.Node, programs: Path, tmp_path: Path, rou
     assert not [line for line in server.lines if "request" not in line and line != "ready"]
 
 
-async def test_a_client_in_c(node: bus.Node, programs: Path, tmp_path: Path, route: str) -> None:
-    async with running_command(tmp_path, programs / "service", "call", "/add", "1", "-1", "3") as client:
+async def test_a_client_in_c(node: bus.Node, service: Path, tmp_path: Path, route: str) -> None:
+    async with running_command(tmp_path, service, "call", "/add", "1", "-1", "3") as client:
         await client.line("/add/_request has no server")
         requests: asyncio.Queue[tuple[AddTwoInts.Request, Any]] = asyncio.Queue()
         server = await node.create_service(
@@ -56,7 +65,7 @@ async def test_a_client_in_c(node: bus.Node, programs: Path, tmp_path: Path, rou
 
 
 async def test_a_server_in_python_that_ends_fails_the_calls(
-    node: bus.Node, programs: Path, tmp_path: Path, route: str
+    node: bus.Node, service: Path, tmp_path: Path, route: str
 ) -> None:
     asked = asyncio.Event()
 
@@ -66,12 +75,26 @@ async def test_a_server_in_python_that_ends_fails_the_calls(
         return AddTwoInts.Response()
 
     server = await node.create_service(AddTwoInts, "/add", wait)
-    async with running_command(tmp_path, programs / "service", "call", "/add", "1") as client:
+    async with running_command(tmp_path, service, "call", "/add", "1") as client:
         await asked.wait()
         await server.close()
         assert await client.end() == 0
     (answer,) = [line for line in client.lines if line.startswith("answer ")]
     assert answer.startswith(("answer -32: ", "answer -121: "))
+
+
+@pytest.mark.skipif(bool(c_programs.why_no_cpp()), reason=c_programs.why_no_cpp())
+async def test_a_server_in_cpp_that_its_callback_destroys(
+    node: bus.Node, programs: Path, tmp_path: Path, route: str
+) -> None:
+    """The call fails at the client, and the object of the call throws at the server."""
+    client = await node.create_client(AddTwoInts, "/add")
+    async with running_command(tmp_path, programs / "service_cpp", "serve", "/add") as server:
+        await client.wait_for_service()
+        with pytest.raises(bus.ServiceUnavailable):
+            await client.call(AddTwoInts.Request(a=2000))
+        assert await server.end() == 1
+    assert server.lines[-1] == "failed: the server was destroyed: Operation canceled"
 
 
 async def test_a_killed_server_in_c_fails_the_calls(

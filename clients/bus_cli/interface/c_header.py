@@ -77,6 +77,7 @@ def service_header(
     lines = [line for body in bodies for line in _structs(body)]
     for envelope in envelopes:
         lines += _schema(envelope)
+    lines += [f"typedef struct {c_name(name)} {c_name(name)}; /* only a name, for C++ */", ""]
     lines += [f"static const busd_service_type {c_name(name)}__service = {{"]
     lines += [
         *(f"    {_type(envelope)}," for envelope in envelopes),

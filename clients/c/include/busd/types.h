@@ -182,7 +182,8 @@ static inline void busd_put_count(busd_out *out, size_t count, size_t most)
         if (arena != NULL && arena->failed)                                                                            \
             return -ENOMEM;                                                                                            \
         return in.failed ? -EBADMSG : 0;                                                                               \
-    }
+    }                                                                                                                  \
+    BUSD_BODY_CPP(T)
 
 #define BUSD_MESSAGE(T)                                                                                                \
     BUSD_BODY(T)                                                                                                       \
@@ -226,24 +227,49 @@ static inline void busd_put_count(busd_out *out, size_t count, size_t most)
         const int status = out.failed ? -EINVAL : busd_reply(server, call, out.bytes, out.size);                       \
         free(out.bytes);                                                                                               \
         return status;                                                                                                 \
-    }
+    }                                                                                                                  \
+    BUSD_SERVICE_CPP(S)
 
 #ifdef __cplusplus
+/* What busd.hpp needs to know of a body, a message and a service. */
 namespace busd {
-/* What busd.hpp needs to know of a message type. */
+template <class T> struct body_type;
 template <class T> struct message_type;
+template <class S> struct service_type;
 } // namespace busd
+#define BUSD_BODY_CPP(T)                                                                                               \
+    namespace busd {                                                                                                   \
+    template <> struct body_type<::T> {                                                                                \
+        static int decode(const busd_message *taken, ::T *m, busd_arena *arena) { return ::T##__decode(taken, m, arena); }\
+    };                                                                                                                 \
+    }
 #define BUSD_MESSAGE_CPP(T)                                                                                            \
     namespace busd {                                                                                                   \
     template <> struct message_type<::T> {                                                                             \
         static const busd_type *type() { return &::T##__type; }                                                        \
-        static void init(::T *m) { ::T##__init(m); }                                                                   \
         static int publish(busd_publisher *publisher, const ::T *m) { return ::T##__publish(publisher, m); }           \
-        static int decode(const busd_message *taken, ::T *m, busd_arena *arena) { return ::T##__decode(taken, m, arena); } \
+    };                                                                                                                 \
+    }
+#define BUSD_SERVICE_CPP(S)                                                                                            \
+    namespace busd {                                                                                                   \
+    template <> struct service_type<::S> {                                                                             \
+        using request = ::S##_Request;                                                                                 \
+        using response = ::S##_Response;                                                                               \
+        static const busd_service_type *type() { return &::S##__service; }                                             \
+        static int call(busd_client *client, const request *request, busd_answer *answer, void *user)                  \
+        {                                                                                                              \
+            return ::S##__call(client, request, answer, user);                                                         \
+        }                                                                                                              \
+        static int reply(busd_server *server, const busd_call *call, const response *response)                         \
+        {                                                                                                              \
+            return ::S##__reply(server, call, response);                                                               \
+        }                                                                                                              \
     };                                                                                                                 \
     }
 #else
+#define BUSD_BODY_CPP(T)
 #define BUSD_MESSAGE_CPP(T)
+#define BUSD_SERVICE_CPP(S)
 #endif
 
 #endif

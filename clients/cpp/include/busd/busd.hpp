@@ -1,4 +1,4 @@
-// busd in C++17: nodes, publishers and subscriptions with lifetimes, over the C client. docs/c.md is the manual.
+// busd in C++17: nodes, publishers, subscriptions and services with lifetimes, over the C client. docs/c.md is the manual.
 //
 // Objects are moved and not copied. A connection must outlive its nodes, and a node its endpoints. Errors are exceptions
 // of type busd::error. One thread at a time uses a connection and everything made with it.
@@ -14,6 +14,7 @@
 #include <string_view>
 #include <system_error>
 #include <utility>
+#include <vector>
 
 #include <busd/busd.h>
 #include <busd/types.h>
@@ -61,6 +62,8 @@ struct closer {
     void operator()(busd_node *node) const { busd_node_destroy(node); }
     void operator()(busd_publisher *publisher) const { busd_publisher_destroy(publisher); }
     void operator()(busd_subscription *subscription) const { busd_subscription_destroy(subscription); }
+    void operator()(busd_server *server) const { busd_server_destroy(server); }
+    void operator()(busd_client *client) const { busd_client_destroy(client); }
 };
 template <class T> using owned = std::unique_ptr<T, closer>;
 
@@ -70,6 +73,22 @@ inline int check(const busd_bus *bus, int status)
         throw error(-status, busd_error(bus));
     return status;
 }
+
+// The same for a function that encodes a struct.
+inline int check_encoded(const busd_bus *bus, int status)
+{
+    if (status == -EINVAL)
+        throw error(EINVAL, "a text, bytes or a list is longer than its type permits");
+    return check(bus, status);
+}
+
+// Memory of decoded lists.
+struct arena : busd_arena {
+    arena() : busd_arena{} {}
+    arena(arena &&other) noexcept : busd_arena(std::exchange(static_cast<busd_arena &>(other), {})) {}
+    arena &operator=(arena &&) = delete;
+    ~arena() { busd_arena_free(this); }
+};
 } // namespace detail
 
 // --- messages
@@ -79,33 +98,28 @@ template <class T> class taken {
   public:
     explicit taken(const busd_message &raw) : raw_(raw)
     {
-        const int status = message_type<T>::decode(&raw_, &value_, &arena_);
+        const int status = body_type<T>::decode(&raw_, &value_, &arena_);
         if (status < 0) {
-            release();
+            busd_release(&raw_);
             throw error(-status, "not a message of this type");
         }
     }
     taken(taken &&other) noexcept
-        : raw_(std::exchange(other.raw_, {})), arena_(std::exchange(other.arena_, {})), value_(other.value_)
+        : raw_(std::exchange(other.raw_, {})), arena_(std::move(other.arena_)), value_(other.value_)
     {
     }
     taken(const taken &) = delete;
     taken &operator=(const taken &) = delete;
     taken &operator=(taken &&) = delete;
-    ~taken() { release(); }
+    ~taken() { busd_release(&raw_); }
 
     const T &operator*() const { return value_; }
     const T *operator->() const { return &value_; }
     const busd_message &info() const { return raw_; }
 
   private:
-    void release()
-    {
-        busd_arena_free(&arena_);
-        busd_release(&raw_);
-    }
     busd_message raw_{};
-    busd_arena arena_{};
+    detail::arena arena_;
     T value_{};
 };
 
@@ -123,9 +137,7 @@ template <class T> class publisher {
     bool publish(const T &message)
     {
         const int status = message_type<T>::publish(handle_.get(), &message);
-        if (status == -EINVAL)
-            throw error(EINVAL, "a text, bytes or a list is longer than its type permits");
-        return status != -EAGAIN && detail::check(bus_, status) == 0;
+        return status != -EAGAIN && detail::check_encoded(bus_, status) == 0;
     }
     bool wait(int timeout_ms = -1) { return detail::check(bus_, busd_publisher_wait(handle_.get(), timeout_ms)) > 0; }
     int matches() const { return busd_publisher_matches(handle_.get()); }
@@ -177,19 +189,16 @@ template <class T> class subscription {
   private:
     struct state : std::enable_shared_from_this<state> {
         explicit state(callback call) : call(std::move(call)) {}
-        state(const state &) = delete;
-        state &operator=(const state &) = delete;
-        ~state() { busd_arena_free(&arena); }
         callback call;
         std::uint64_t undecodable = 0;
-        busd_arena arena{};
+        detail::arena arena;
     };
     static void hear(void *user, const busd_message *raw) noexcept
     {
         const auto self = static_cast<state *>(user)->shared_from_this(); // the callback may destroy the subscription
         T message;
         busd_arena_clear(&self->arena);
-        if (message_type<T>::decode(raw, &message, &self->arena) < 0)
+        if (body_type<T>::decode(raw, &message, &self->arena) < 0)
             self->undecodable++;
         else
             self->call(message, *raw);
@@ -197,6 +206,190 @@ template <class T> class subscription {
     busd_bus *bus_;
     std::shared_ptr<state> state_; // stays in place when the subscription moves
     detail::owned<busd_subscription> handle_;
+};
+
+// --- services
+
+// How a call ended: with the response, or with the reason why there is none.
+template <class Response> class answer {
+  public:
+    answer(int status, const char *reason, const busd_message *response) : code_(-status)
+    {
+        if (status < 0) {
+            reason_ = reason;
+            return;
+        }
+        const auto bytes = static_cast<const unsigned char *>(response->data);
+        bytes_.assign(bytes, bytes + response->size);
+        busd_message copy = *response;
+        copy.data = bytes_.data();
+        code_ = -body_type<Response>::decode(&copy, &value_, &arena_);
+        if (code_ != 0)
+            reason_ = "not a response of this type";
+    }
+    explicit operator bool() const { return code_ == 0; }
+    int code() const { return code_; } // an errno; 0: the response is there
+    const std::string &reason() const { return reason_; }
+    // The response; throws the reason. Views into it are valid as long as the answer exists.
+    const Response &get() const
+    {
+        if (code_ != 0)
+            throw error(code_, reason_.c_str());
+        return value_;
+    }
+    const Response &operator*() const { return get(); }
+    const Response *operator->() const { return &get(); }
+
+  private:
+    int code_;
+    std::string reason_;
+    std::vector<unsigned char> bytes_;
+    detail::arena arena_;
+    Response value_{};
+};
+
+// The answer of a call, later. bus::wait() and bus::dispatch() bring it.
+template <class Response> class pending {
+  public:
+    bool is_ready() const { return place_->has_value(); }
+    // The response; throws the reason, or EAGAIN if there is no answer yet. Views into it are valid as long as the
+    // pending call exists.
+    const Response &get() const
+    {
+        if (!is_ready())
+            throw error(EAGAIN, "the call has no answer yet");
+        return (*place_)->get();
+    }
+
+  private:
+    template <class S> friend class client;
+    std::shared_ptr<std::optional<answer<Response>>> place_ = std::make_shared<std::optional<answer<Response>>>();
+};
+
+template <class S> class client {
+  public:
+    using request = typename service_type<S>::request;
+    using response = typename service_type<S>::response;
+    using callback = std::function<void(answer<response> &&)>;
+
+    client(busd_bus *bus, busd_node *node, const std::string &name, const std::optional<qos> &profile) : bus_(bus)
+    {
+        busd_client *handle = nullptr;
+        detail::check(bus, busd_client_create(node, name.c_str(), service_type<S>::type(),
+                                              profile ? profile->get() : nullptr, &handle));
+        handle_.reset(handle);
+    }
+    // `call` gets the answer inside of bus::wait() and bus::dispatch(), or when the client is destroyed. An exception
+    // that leaves it ends the program.
+    void call(const request &message, callback call)
+    {
+        auto kept = std::make_unique<callback>(std::move(call));
+        detail::check_encoded(bus_, service_type<S>::call(handle_.get(), &message, &client::hear, kept.get()));
+        kept.release(); // hear() frees it
+    }
+    pending<response> call(const request &message)
+    {
+        pending<response> result;
+        call(message, [place = result.place_](answer<response> &&answer) { place->emplace(std::move(answer)); });
+        return result;
+    }
+    int servers() const { return busd_client_servers(handle_.get()); }
+    busd_client *get() const { return handle_.get(); }
+
+  private:
+    static void hear(void *user, int status, const char *reason, const busd_message *taken) noexcept
+    {
+        const std::unique_ptr<callback> kept(static_cast<callback *>(user));
+        (*kept)(answer<response>(status, reason, taken));
+    }
+    busd_bus *bus_;
+    detail::owned<busd_client> handle_;
+};
+
+template <class S> class server {
+    struct state;
+
+  public:
+    using request = typename service_type<S>::request;
+    using response = typename service_type<S>::response;
+
+    // A call that needs its reply: in the callback, or later. Copies name the same call.
+    class call {
+      public:
+        // Throws ENOENT if the call has its reply, and ECANCELED if the server was destroyed.
+        void reply(const response &message)
+        {
+            const auto [keep, server] = find();
+            detail::check_encoded(keep->bus, service_type<S>::reply(server, &id_, &message));
+        }
+        // Ends the call with an error; the client gets the reason.
+        void fail(const std::string &reason)
+        {
+            const auto [keep, server] = find();
+            detail::check(keep->bus, busd_reply_error(server, &id_, reason.c_str()));
+        }
+
+      private:
+        friend class server;
+        call(std::weak_ptr<state> state, const busd_call &id) : state_(std::move(state)), id_(id) {}
+        std::pair<std::shared_ptr<state>, busd_server *> find() const
+        {
+            auto found = state_.lock();
+            if (!found || !found->handle)
+                throw error(ECANCELED, "the server was destroyed");
+            const auto handle = found->handle.get();
+            return {std::move(found), handle};
+        }
+        std::weak_ptr<state> state_;
+        busd_call id_;
+    };
+
+    // Called inside of bus::wait() and bus::dispatch(). An exception that leaves it ends the program. A request that is
+    // not understood has its reply already.
+    using callback = std::function<void(const request &message, call)>;
+
+    server(busd_bus *bus, busd_node *node, const std::string &name, callback serve, const std::optional<qos> &profile)
+        : state_(std::make_shared<state>(bus, std::move(serve)))
+    {
+        busd_server *handle = nullptr;
+        detail::check(bus, busd_server_create(node, name.c_str(), service_type<S>::type(),
+                                              profile ? profile->get() : nullptr, &server::hear, state_.get(), &handle));
+        state_->handle.reset(handle);
+    }
+    server(server &&) noexcept = default;
+    server &operator=(server &&other) noexcept
+    {
+        end();
+        state_ = std::move(other.state_);
+        return *this;
+    }
+    ~server() { end(); }
+    busd_server *get() const { return state_->handle.get(); }
+
+  private:
+    struct state : std::enable_shared_from_this<state> {
+        state(busd_bus *bus, callback serve) : bus(bus), serve(std::move(serve)) {}
+        busd_bus *bus;
+        callback serve;
+        detail::arena arena;
+        detail::owned<busd_server> handle;
+    };
+    void end()
+    {
+        if (state_)
+            state_->handle.reset();
+    }
+    static void hear(void *user, busd_server *handle, const busd_call *id, const busd_message *raw) noexcept
+    {
+        const auto self = static_cast<state *>(user)->shared_from_this(); // the callback may destroy the server
+        request message;
+        busd_arena_clear(&self->arena);
+        if (body_type<request>::decode(raw, &message, &self->arena) < 0)
+            busd_reply_error(handle, id, "the request is not understood");
+        else
+            self->serve(message, call(self, *id));
+    }
+    std::shared_ptr<state> state_; // stays in place when the server moves
 };
 
 // --- nodes and the connection
@@ -218,6 +411,17 @@ class node {
                                         typename subscription<T>::callback call = nullptr)
     {
         return subscription<T>(bus_, handle_.get(), topic, profile, std::move(call));
+    }
+    // Without a QoS profile, services have the depth 1000.
+    template <class S> client<S> create_client(const std::string &name, const std::optional<qos> &profile = {})
+    {
+        return client<S>(bus_, handle_.get(), name, profile);
+    }
+    template <class S>
+    server<S> create_server(const std::string &name, typename server<S>::callback serve,
+                            const std::optional<qos> &profile = {})
+    {
+        return server<S>(bus_, handle_.get(), name, std::move(serve), profile);
     }
     busd_node *get() const { return handle_.get(); }
 
