@@ -56,6 +56,7 @@ def _build(folder: Path) -> None:
         path = folder / "types" / f"{name}.h"
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(header_of(name))
+        path.with_suffix(".hpp").write_text(header_of(name, "cpp"))
     made = (f"BUILD={folder}", f"SANITIZE={SANITIZE}", "CFLAGS=-O0 -g -Werror")
     run("make", "-s", "-C", CLIENT, "-j2", *made)
     for name in ("callbacks", "peer", "repack", "service"):
@@ -87,10 +88,11 @@ def compile_c(folder: Path, source: Path, program: Path, *options: str) -> None:
     )
 
 
-def compile_cpp(folder: Path, source: Path, program: Path) -> None:
+def compile_cpp(folder: Path, source: Path, program: Path, *options: str) -> None:
     """As `compile_c`, in C++17."""
     includes = [f"-I{CLIENT / 'include'}", f"-I{ROOT / 'clients/cpp/include'}", f"-I{folder / 'types'}"]
-    run("g++", "-std=c++17", "-Wpedantic", *FLAGS, *includes, "-o", program, source, folder / "libbusd.a")
+    built = ("-o", program, source, folder / "libbusd.a")
+    run("g++", "-std=c++17", "-Wpedantic", *FLAGS, *options, *includes, *built)
 
 
 def run(*command: str | Path) -> str:

@@ -138,6 +138,7 @@ COMMANDS: dict[str, tuple[str, dict[str, str]]] = {
         "Show information about ROS interfaces",
         {
             "c": "Output a C header for a message or a service",
+            "cpp": "Output a C++ header for a message or a service",
             "list": "List all interface types available",
             "package": "Output a list of available interface types within one package",
             "packages": "Output a list of packages that provide interfaces",

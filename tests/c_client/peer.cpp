@@ -5,8 +5,8 @@
 
 #include <busd/busd.hpp>
 
-#include "geometry_msgs/msg/PoseArray.h"
-#include "std_msgs/msg/String.h"
+#include "geometry_msgs/msg/PoseArray.hpp"
+#include "std_msgs/msg/String.hpp"
 
 static volatile std::sig_atomic_t has_ended = 0;
 
@@ -17,31 +17,28 @@ int main()
         busd::bus bus("peer.cpp");
         bus.on_event([](const busd_event &event) { std::printf("event %d: %s\n", int(event.kind), event.text); });
         busd::node node = bus.create_node("cpp_peer");
-        auto out = node.create_publisher<geometry_msgs__msg__PoseArray>("/cpp/out", busd::qos().keep_all());
-        auto again = node.create_subscription<geometry_msgs__msg__PoseArray>("/cpp/out", busd::qos().keep_all());
-        auto in = node.create_subscription<std_msgs__msg__String>(
-            "/cpp/in", busd::qos().keep_all(), [&](const std_msgs__msg__String &text, const busd_message &) {
-                geometry_msgs__msg__Pose poses[3];
-                for (int i = 0; i < 3; i++) {
-                    geometry_msgs__msg__Pose__init(&poses[i]);
+        auto out = node.create_publisher<geometry_msgs::msg::PoseArray>("/cpp/out", busd::qos().keep_all());
+        auto again = node.create_subscription<geometry_msgs::msg::PoseArray>("/cpp/out", busd::qos().keep_all());
+        auto in = node.create_subscription<std_msgs::msg::String>(
+            "/cpp/in", busd::qos().keep_all(), [&](const std_msgs::msg::String &text, const busd_message &) {
+                std::vector<geometry_msgs::msg::Pose> poses(3);
+                for (int i = 0; i < 3; i++)
                     poses[i].position.x = i;
-                }
-                geometry_msgs__msg__PoseArray message;
-                geometry_msgs__msg__PoseArray__init(&message);
+                geometry_msgs::msg::PoseArray message;
                 message.header.frame_id = text.data;
-                message.poses = {poses, 3};
+                message.poses = poses;
                 if (!out.publish(message))
                     std::printf("no room\n");
             });
-        std::optional<busd::subscription<geometry_msgs__msg__PoseArray>> once;
+        std::optional<busd::subscription<geometry_msgs::msg::PoseArray>> once;
         const std::string said = "destroyed in its callback";
-        once.emplace(node.create_subscription<geometry_msgs__msg__PoseArray>(
-            "/cpp/out", busd::qos(), [&once, said](const geometry_msgs__msg__PoseArray &, const busd_message &) {
+        once.emplace(node.create_subscription<geometry_msgs::msg::PoseArray>(
+            "/cpp/out", busd::qos(), [&once, said](const geometry_msgs::msg::PoseArray &, const busd_message &) {
                 once.reset();
                 std::printf("%s\n", said.c_str());
             }));
         try {
-            node.create_publisher<std_msgs__msg__String>("/a b");
+            node.create_publisher<std_msgs::msg::String>("/a b");
         } catch (const busd::error &error) {
             std::printf("refused %d: %s\n", error.code().value(), error.what());
         }
@@ -51,9 +48,9 @@ int main()
             bus.wait();
             while (auto got = again.take()) {
                 auto moved = std::move(*got);
-                const auto frame = busd::view(moved->header.frame_id);
-                std::printf("%.*s %zu poses, x %g, w %g\n", int(frame.size()), frame.data(), moved->poses.count,
-                            moved->poses.items[2].position.x, moved->poses.items[2].orientation.w);
+                const std::string frame(moved->header.frame_id);
+                std::printf("%s %zu poses, x %g, w %g\n", frame.c_str(), moved->poses.size(), moved->poses[2].position.x,
+                            moved->poses[2].orientation.w);
             }
             std::fflush(stdout);
         }

@@ -6,9 +6,9 @@
 
 #include <busd/busd.hpp>
 
-#include "example_interfaces/srv/AddTwoInts.h"
+#include "example_interfaces/srv/AddTwoInts.hpp"
 
-using AddTwoInts = example_interfaces__srv__AddTwoInts;
+using example_interfaces::srv::AddTwoInts;
 
 static volatile std::sig_atomic_t has_ended = 0;
 
@@ -17,7 +17,7 @@ static void serve(busd::bus &bus, busd::node &node, const char *name)
     using server = busd::server<AddTwoInts>;
     std::function<void()> reply_later;
     std::optional<server> adder;
-    const auto add = [&](const server::request &request, server::call call) {
+    const auto add = [&](const AddTwoInts::Request &request, server::call call) {
         std::printf("request %lld\n", static_cast<long long>(request.a));
         std::fflush(stdout);
         if (reply_later)
@@ -67,7 +67,7 @@ static void call(busd::bus &bus, busd::node &node, const char *name, char **numb
     for (; *numbers != nullptr && !has_ended; numbers++) {
         while (client.servers() == 0)
             bus.wait();
-        const example_interfaces__srv__AddTwoInts_Request request{std::atoll(*numbers), 1};
+        const AddTwoInts::Request request{std::atoll(*numbers), 1};
         if (request.a < 0) { // by a callback, which gets the reason without an exception
             bool is_answered = false;
             client.call(request, [&](auto &&answer) {

@@ -15,7 +15,7 @@ import c_programs
 from bus.types.definitions import names
 from bus.types.support import find_type
 from bus_cli.interface.c import header_of
-from bus_cli.interface.c_header import c_name
+from bus_cli.interface.c_fields import c_name
 
 FRAMES = json.loads((c_programs.ROOT / "docs" / "assets" / "frames.json").read_text())
 HEAD_BYTES = 8
@@ -26,8 +26,10 @@ READ = """
 static int take_{name}(const unsigned char *bytes, size_t size, busd_out *out)
 {{
     {name} m;
-    busd_arena arena = {{0}};
-    const busd_message taken = {{.data = bytes, .size = size}};
+    busd_arena arena = {{}};
+    busd_message taken = {{}};
+    taken.data = bytes;
+    taken.size = size;
     {name}__init(&m);
     const int status = size == 0 ? 0 : {name}__decode(&taken, &m, &arena);
     const size_t counted = {name}__size(&m);
@@ -58,7 +60,7 @@ int main(void)
         unsigned char *bytes = (unsigned char *)malloc(size + 1);
         for (size_t i = 0; i < size && line[0] != '-'; i++)
             bytes[i] = (unsigned char)(digit(line[2 * i]) << 4 | digit(line[2 * i + 1]));
-        busd_out out = {{0}};
+        busd_out out = {{}};
         const int status = types[number].take(bytes, line[0] == '-' ? 0 : size, &out);
         printf("%s %s %d ", types[number].type->name, types[number].type->hash, status);
         for (size_t i = 0; i < out.size; i++)
@@ -124,24 +126,45 @@ def test_random_bytes_do_no_harm(programs: Path) -> None:
     assert len(outcomes) == 20_000
 
 
-@pytest.fixture(scope="session")
-def every_type(programs: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[str]]:
-    """One program that decodes and encodes every type, and the types in its order. It has the headers of all
-    services, too."""
-    types = names("msg")
-    folder = tmp_path_factory.mktemp("types")
+def program_of(programs: Path, folder: Path, types: list[str], services: list[str], language: str) -> Path:
+    """A program that decodes and encodes these types. It has the headers of the services, too."""
     texts, rows = [], []
     for name in types:
-        texts.append(header_of(name))
+        texts.append(header_of(name, language))
         texts.append(READ.format(name=c_name(name)))
         rows.append(f"    {{&{c_name(name)}__type, take_{c_name(name)}}},")
-    texts += [header_of(name) for name in names("srv")]
-    source = folder / "types.c"
+    texts += [header_of(name, language) for name in services]
+    source = folder / f"types.{language}"
     source.write_text("\n".join(texts) + MAIN.format(rows="\n".join(rows)))
-    c_programs.compile_c(
-        programs, source, folder / "types", "-O0", "-g0", "-Wno-unused-function", "-Wno-unused-variable"
-    )
-    return folder / "types", types
+    options = ("-O0", "-g0", "-Wno-unused-function", "-Wno-unused-variable")
+    compile_it = c_programs.compile_c if language == "c" else c_programs.compile_cpp
+    compile_it(programs, source, folder / f"types_{language}", *options)
+    return folder / f"types_{language}"
+
+
+@pytest.fixture(scope="session")
+def every_type(programs: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[str]]:
+    """One program for every type, and the types in its order."""
+    types = names("msg")
+    return program_of(programs, tmp_path_factory.mktemp("types"), types, names("srv"), "c"), types
+
+
+def shape(kind: Any) -> str:
+    """The kind of a field without names of structs and lengths."""
+    if isinstance(kind, str):
+        return "struct" if "/" in kind else kind
+    bounds = ["same" if len({*kind[-2:]}) == 1 else "most"] if isinstance(kind[-1], int) else []
+    return " ".join([kind[0], *(shape(part) for part in kind[1:] if not isinstance(part, int)), *bounds])
+
+
+def one_of_each_shape() -> list[str]:
+    """Types that together have fields of every shape, and defaults."""
+    found: dict[str, str] = {}
+    for name in names("msg"):
+        for field in bus.MessageSchema.of(class_of(name)).description["types"][name]["fields"]:
+            default = type(field.get("default")).__name__
+            found.setdefault(f"{shape(field['type'])} {default}", name)
+    return sorted({*found.values()})
 
 
 def values(description: Any, kind: Any, source: random.Random) -> Any:
@@ -192,17 +215,29 @@ def cases(types: list[str]) -> Iterator[tuple[int, str, bytes]]:
             yield number, encoded.hex(), encoded
 
 
-def test_every_type_agrees_with_the_library(every_type: tuple[Path, list[str]]) -> None:
-    program, types = every_type
+def agree(program: Path, types: list[str]) -> None:
+    """The program reads and writes the bytes of the library, and knows its hashes and schemas."""
     wanted = [*cases(types)]
     lines = "".join(f"{number} {given}\n" for number, given, _ in wanted)
     done = subprocess.run([program], input=lines, capture_output=True, text=True, check=True)
-    assert len(types) > 400
     schemas = [bus.MessageSchema.of(class_of(name)) for name in types]
     assert done.stdout.splitlines() == [
         f"{types[number]} {schemas[number].type_hash} 0 {encoded.hex()} {schemas[number].encoded.hex()}"
         for number, _, encoded in wanted
     ]
+
+
+def test_every_type_agrees_with_the_library(every_type: tuple[Path, list[str]]) -> None:
+    program, types = every_type
+    assert len(types) > 400
+    agree(program, types)
+
+
+@pytest.mark.skipif(bool(c_programs.why_no_cpp()), reason=c_programs.why_no_cpp())
+def test_types_in_cpp_agree_with_the_library(programs: Path, tmp_path: Path) -> None:
+    types = one_of_each_shape()
+    assert len(types) > 20
+    agree(program_of(programs, tmp_path, types, [], "cpp"), types)
 
 
 def test_bytes_of_another_type_are_refused(every_type: tuple[Path, list[str]]) -> None:

@@ -20,7 +20,7 @@ __all__ = ["node"]
 
 PAGE = (c_programs.ROOT / "docs" / "c.md").read_text()
 C_PROGRAM, C_IMAGE, C_SERVICE = re.findall(r"```c\n(.*?)```", PAGE, re.DOTALL)
-(CPP_PROGRAM,) = re.findall(r"```cpp\n(.*?)```", PAGE, re.DOTALL)
+CPP_PROGRAM, CPP_SERVICE = re.findall(r"```cpp\n(.*?)```", PAGE, re.DOTALL)
 
 
 @pytest.fixture(scope="session")
@@ -91,11 +91,44 @@ def test_the_functions_of_the_page_compile(programs: Path, tmp_path: Path) -> No
     c_programs.compile_c(programs, source, tmp_path / "image.o", "-c", "-Wno-unused-function")
 
 
+CPP_MAIN = """
+int main(int argc, char **)
+{
+    if (argc == 1)
+        return hello();
+    busd::bus bus("adder");
+    busd::node node = bus.create_node("adder");
+    const auto server = serve(node);
+    std::printf("sum %d\\n", int(add(bus, node, 2, 3)));
+}
+"""
+
+
+@pytest.fixture(scope="session")
+def cpp_page(programs: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The programs of the page in C++, as one."""
+    folder = tmp_path_factory.mktemp("cpp")
+    assert "int main()" in CPP_PROGRAM
+    text = CPP_PROGRAM.replace("int main()", "int hello()") + CPP_SERVICE + CPP_MAIN
+    (folder / "page.cpp").write_text(text)
+    c_programs.compile_cpp(programs, folder / "page.cpp", folder / "page")
+    return folder / "page"
+
+
 @pytest.mark.skipif(bool(c_programs.why_no_cpp()), reason=c_programs.why_no_cpp())
-def test_the_program_in_cpp_compiles(programs: Path, tmp_path: Path) -> None:
-    source = tmp_path / "hello.cpp"
-    source.write_text(CPP_PROGRAM)
-    c_programs.compile_cpp(programs, source, tmp_path / "hello")
+async def test_the_programs_in_cpp(node: bus.Node, cpp_page: Path, tmp_path: Path) -> None:
+    subscription = await node.create_subscription(String, "/out", 10)
+    publisher = await node.create_publisher(String, "/in", 10)
+    async with running_command(tmp_path, cpp_page) as hello:
+        await publisher.wait_for_subscriptions()
+        await subscription.wait_for_publishers()
+        publisher.publish(String(data="hello from the shell"))
+        assert (await subscription.receive())[0].data == "I heard: hello from the shell"
+        hello.process.send_signal(signal.SIGINT)
+        assert await hello.end() == -signal.SIGINT
+    async with running_command(tmp_path, cpp_page, "add") as adder:
+        assert await adder.end() == 0
+        assert adder.lines == ["sum 5"]
 
 
 @pytest.mark.skipif(bool(c_programs.why_no_cpp()), reason=c_programs.why_no_cpp())

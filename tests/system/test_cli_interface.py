@@ -176,19 +176,44 @@ int32 linux
 """
 
 
+USE_ODD = """
+constexpr demo::msg::Odd odd;
+static_assert(odd.least == INT64_MIN && odd.most == UINT64_MAX && odd.below < 0 && !odd.nullptr_);
+static_assert(odd.text.size() == 15);
+"""
+USE_SPANS = """
+static std::vector<double> numbers;
+busd::span<const double> view = numbers;
+std::span<const double> again = view;
+static constexpr int three[] = {1, 2, 3};
+constexpr busd::span<const int> ints = three;
+static_assert(ints.size() == 3 && ints[2] == 3 && *ints.begin() == 1 && ints.end() - ints.data() == 3);
+static_assert(!std::is_convertible_v<std::vector<int>, busd::span<const double>>);
+int main() { view = again; }
+"""
+INCLUDES = [f"-I{c_programs.ROOT / 'clients' / language / 'include'}" for language in ("c", "cpp")]
+
+
 @pytest.mark.skipif(bool(c_programs.why_not() or c_programs.why_no_cpp()), reason="no gcc or g++")
 def test_odd_defaults_and_reserved_names_compile(package: Path, tmp_path: Path) -> None:
     (package / "msg/Odd.msg").write_text(ODD)
     text = bus("interface", "c", "demo/msg/Odd").out
     assert r'busd_text_of("\303\244 \360\237\230\200 \042x\042 \077\077/");' in text
     (tmp_path / "odd.h").write_text(text)
+    (tmp_path / "odd.hpp").write_text(bus("interface", "cpp", "demo/msg/Odd").out)
+    (tmp_path / "odd.c").write_text('#include "odd.h"\nint main(void) { return 0; }\n')
+    (tmp_path / "odd.cpp").write_text('#include "odd.h"\nint main() {}\n')
+    (tmp_path / "odd17.cpp").write_text('#include "odd.hpp"\n' + USE_ODD)
+    (tmp_path / "odd20.cpp").write_text(
+        '#include <span>\n#include <vector>\n#include "odd.hpp"\n' + USE_SPANS
+    )
     for compiler, name, standard in (
         ("gcc", "odd.c", "gnu11"),
-        ("g++", "odd.cpp", "gnu++17"),
         ("g++", "odd.cpp", "gnu++20"),
+        ("g++", "odd17.cpp", "c++17"),
+        ("g++", "odd20.cpp", "c++20"),
     ):
-        (tmp_path / name).write_text('#include "odd.h"\nint main(void) { return 0; }\n')
-        options = ("-Wall", "-Wextra", "-Werror", "-fsyntax-only", f"-I{c_programs.CLIENT / 'include'}")
+        options = ("-Wall", "-Wextra", "-Werror", "-fsyntax-only", *INCLUDES)
         c_programs.run(compiler, f"-std={standard}", *options, tmp_path / name)
 
 
@@ -203,3 +228,14 @@ def test_c_is_for_services() -> None:
     assert "} demo__srv__Turn_Request;" in lines
     assert "static const busd_service_type demo__srv__Turn__service = {" in lines
     assert lines[-3:] == ["BUSD_SERVICE(demo__srv__Turn)", "", "#endif"]
+
+
+def test_cpp_is_a_header_with_namespaces(tmp_path: Path) -> None:
+    lines = bus("interface", "cpp", "demo/msg/Wheel").out.splitlines()
+    assert lines[0] == "/* demo/msg/Wheel, made by `bus interface cpp`. */"
+    assert "    busd::span<const double> speeds{};" in lines
+    assert "    busd::span<const ::demo::msg::Spoke> spokes{};" in lines
+    assert "    float length = 0.5;" in lines
+    assert "    using Request = ::demo::srv::Turn_Request;" in bus("interface", "cpp", "demo/srv/Turn").out
+    result = bus("interface", "cpp", "-o", str(tmp_path), "Spoke")
+    assert (result.out, result.code) == (f"{tmp_path}/demo/msg/Spoke.hpp\n", 0)

@@ -69,6 +69,7 @@ LINES = {
     "tf2 frames": "--help",
     "tf2 monitor": "--help",
     "interface c": "std_msgs/msg/String",
+    "interface cpp": "std_msgs/msg/String",
     "interface list": "",
     "interface package": "std_msgs",
     "interface packages": "",

@@ -2,9 +2,13 @@
 
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from bus_cli.interface.show import add_type, given_name
 from bus_cli.output import CommandError, say
+
+if TYPE_CHECKING:
+    from bus_cli.interface.c_fields import Language
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -13,18 +17,23 @@ def add_arguments(parser: ArgumentParser) -> None:
         "--output",
         type=Path,
         metavar="FOLDER",
-        help="Write FOLDER/TYPE.h and print its path. Default: the header on stdout",
+        help="Write FOLDER/TYPE.h (C++: TYPE.hpp) and print its path. Default: the header on stdout",
     )
     add_type(parser, "A message or a service (e.g. 'std_msgs/msg/String')")
 
 
 def main(args: Namespace) -> int:
+    return write(args, "c", ".h")
+
+
+def write(args: Namespace, language: str, suffix: str) -> int:
+    """Print or write the header."""
     name = given_name(args.type)
-    text = header_of(name)
+    text = header_of(name, language)
     if args.output is None:
         say(text.rstrip("\n"))
         return 0
-    path = args.output / f"{name}.h"
+    path = args.output / f"{name}{suffix}"
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text)
@@ -34,29 +43,32 @@ def main(args: Namespace) -> int:
     return 0
 
 
-def header_of(name: str) -> str:
+def header_of(name: str, language: str = "c") -> str:
     """The text of the header of a message or a service. Raises CommandError for another definition."""
-    from bus_cli.interface.c_header import UnsupportedType
+    from bus_cli.interface.c_fields import UnsupportedType
+    from bus_cli.interface.c_header import LANGUAGES
 
     kind = name.split("/")[1]
     if kind not in ("msg", "srv"):
-        raise CommandError(f"{name} is no message and no service; `bus interface c` writes headers of these")
+        raise CommandError(
+            f"{name} is no message and no service; `bus interface {language}` writes headers of these"
+        )
     try:
-        return _of_message(name) if kind == "msg" else _of_service(name)
+        return (_of_message if kind == "msg" else _of_service)(name, LANGUAGES[language])
     except UnsupportedType as error:
         raise CommandError(str(error)) from None
 
 
-def _of_message(name: str) -> str:
+def _of_message(name: str, language: "Language") -> str:
     from bus.schema import MessageSchema
     from bus.types.classes import message_class
     from bus_cli.interface.c_header import Described, header
 
     schema = MessageSchema.of(message_class(name))
-    return header(schema.description, Described(name, schema.type_hash, schema.encoded))
+    return header(schema.description, Described(name, schema.type_hash, schema.encoded), language)
 
 
-def _of_service(name: str) -> str:
+def _of_service(name: str, language: "Language") -> str:
     from bus.types.classes import service_class
     from bus.types.service import ServiceSupport
     from bus_cli.interface.c_header import Described, service_header
@@ -70,4 +82,5 @@ def _of_service(name: str) -> str:
             Described(requests.name, requests.hash, requests.description),
             Described(replies.name, replies.hash, replies.description),
         ),
+        language,
     )

@@ -32,7 +32,7 @@ static bool envelope_take(const busd_message *taken, bool is_reply, struct envel
     busd_get_bytes_copy(&in, envelope->call.client, sizeof envelope->call.client);
     envelope->call.number = busd_get_uint(&in, UINT64_MAX);
     if (is_reply)
-        envelope->error = busd_get_text_view(&in);
+        busd_get_text_view(&in, &envelope->error);
     if (in.failed || in.at == in.end)
         return false;
     envelope->message = *taken;

@@ -127,11 +127,11 @@ static inline void busd_put_text_view(busd_out *out, busd_text text, size_t most
     busd_put_text(out, text.data, text.size);
 }
 
-static inline busd_text busd_get_text_view(busd_in *in)
+static inline void busd_get_text_view(busd_in *in, busd_text *text)
 {
     const busd_item item = busd_get_kind(in, BUSD_TEXT_ITEM);
-    const busd_text text = {(const char *)item.bytes, (size_t)item.number};
-    return text;
+    text->data = (const char *)item.bytes;
+    text->size = (size_t)item.number;
 }
 
 static inline void busd_put_bytes_view(busd_out *out, busd_bytes bytes, size_t most)
@@ -140,12 +140,12 @@ static inline void busd_put_bytes_view(busd_out *out, busd_bytes bytes, size_t m
     busd_put_bytes(out, bytes.data, bytes.size);
 }
 
-static inline busd_bytes busd_get_bytes_view(busd_in *in, size_t most)
+static inline void busd_get_bytes_view(busd_in *in, busd_bytes *bytes, size_t most)
 {
     const busd_item item = busd_get_kind(in, BUSD_BYTES_ITEM);
-    const busd_bytes bytes = {item.bytes, (size_t)item.number};
-    in->failed |= bytes.size > most;
-    return bytes;
+    bytes->data = item.bytes;
+    bytes->size = (size_t)item.number;
+    in->failed |= bytes->size > most;
 }
 
 /* Exactly `n` bytes, into the message. */
@@ -182,8 +182,7 @@ static inline void busd_put_count(busd_out *out, size_t count, size_t most)
         if (arena != NULL && arena->failed)                                                                            \
             return -ENOMEM;                                                                                            \
         return in.failed ? -EBADMSG : 0;                                                                               \
-    }                                                                                                                  \
-    BUSD_BODY_CPP(T)
+    }
 
 #define BUSD_MESSAGE(T)                                                                                                \
     BUSD_BODY(T)                                                                                                       \
@@ -199,8 +198,7 @@ static inline void busd_put_count(busd_out *out, size_t count, size_t most)
         busd_out out = {(unsigned char *)place, 0, size, true, false};                                                 \
         T##__put(&out, m);                                                                                             \
         return busd_publish_loan(publisher, out.size);                                                                 \
-    }                                                                                                                  \
-    BUSD_MESSAGE_CPP(T)
+    }
 
 /* A service S, with the bodies S_Request and S_Response:
  *
@@ -227,49 +225,6 @@ static inline void busd_put_count(busd_out *out, size_t count, size_t most)
         const int status = out.failed ? -EINVAL : busd_reply(server, call, out.bytes, out.size);                       \
         free(out.bytes);                                                                                               \
         return status;                                                                                                 \
-    }                                                                                                                  \
-    BUSD_SERVICE_CPP(S)
-
-#ifdef __cplusplus
-/* What busd.hpp needs to know of a body, a message and a service. */
-namespace busd {
-template <class T> struct body_type;
-template <class T> struct message_type;
-template <class S> struct service_type;
-} // namespace busd
-#define BUSD_BODY_CPP(T)                                                                                               \
-    namespace busd {                                                                                                   \
-    template <> struct body_type<::T> {                                                                                \
-        static int decode(const busd_message *taken, ::T *m, busd_arena *arena) { return ::T##__decode(taken, m, arena); }\
-    };                                                                                                                 \
     }
-#define BUSD_MESSAGE_CPP(T)                                                                                            \
-    namespace busd {                                                                                                   \
-    template <> struct message_type<::T> {                                                                             \
-        static const busd_type *type() { return &::T##__type; }                                                        \
-        static int publish(busd_publisher *publisher, const ::T *m) { return ::T##__publish(publisher, m); }           \
-    };                                                                                                                 \
-    }
-#define BUSD_SERVICE_CPP(S)                                                                                            \
-    namespace busd {                                                                                                   \
-    template <> struct service_type<::S> {                                                                             \
-        using request = ::S##_Request;                                                                                 \
-        using response = ::S##_Response;                                                                               \
-        static const busd_service_type *type() { return &::S##__service; }                                             \
-        static int call(busd_client *client, const request *request, busd_answer *answer, void *user)                  \
-        {                                                                                                              \
-            return ::S##__call(client, request, answer, user);                                                         \
-        }                                                                                                              \
-        static int reply(busd_server *server, const busd_call *call, const response *response)                         \
-        {                                                                                                              \
-            return ::S##__reply(server, call, response);                                                               \
-        }                                                                                                              \
-    };                                                                                                                 \
-    }
-#else
-#define BUSD_BODY_CPP(T)
-#define BUSD_MESSAGE_CPP(T)
-#define BUSD_SERVICE_CPP(S)
-#endif
 
 #endif

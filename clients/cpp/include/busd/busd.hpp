@@ -1,5 +1,7 @@
 // busd in C++17: nodes, publishers, subscriptions and services with lifetimes, over the C client. docs/c.md is the manual.
 //
+// `bus interface cpp PKG/msg/Type` writes the headers of messages and services.
+//
 // Objects are moved and not copied. A connection must outlive its nodes, and a node its endpoints. Errors are exceptions
 // of type busd::error. One thread at a time uses a connection and everything made with it.
 #ifndef BUSD_BUSD_HPP
@@ -11,13 +13,12 @@
 #include <new>
 #include <optional>
 #include <string>
-#include <string_view>
 #include <system_error>
 #include <utility>
 #include <vector>
 
 #include <busd/busd.h>
-#include <busd/types.h>
+#include <busd/types.hpp>
 
 namespace busd {
 
@@ -50,11 +51,6 @@ class qos {
     }
     busd_qos value_{};
 };
-
-// --- views of texts and lists
-
-inline busd_text text(std::string_view view) { return {view.data(), view.size()}; }
-inline std::string_view view(const busd_text &text) { return {text.data, text.size}; }
 
 namespace detail {
 struct closer {
