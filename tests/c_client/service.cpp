@@ -30,6 +30,11 @@ static void serve(busd::bus &bus, busd::node &node, const char *name)
         }
         if (request.a == 2000) {
             adder.reset();
+            try {
+                call.reply({0});
+            } catch (const busd::error &error) {
+                std::printf("in the callback: %s\n", error.what());
+            }
             reply_later = [call]() mutable { call.reply({0}); };
             has_ended = 1;
             return;
