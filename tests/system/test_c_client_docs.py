@@ -1,6 +1,8 @@
 """docs/c.md: its steps, and its programs; the C client's conformance; the header for C++."""
 
+import os
 import re
+import shutil
 import signal
 import sys
 from pathlib import Path
@@ -9,6 +11,7 @@ import pytest
 
 import bus
 import c_programs
+from bus.base.version import RELEASE
 from bus.msg.std_msgs import String
 from bus_cli.doctor.conformance.program import outcome
 from bus_cli.doctor.conformance.stories import STORIES
@@ -20,6 +23,7 @@ __all__ = ["node"]
 
 PAGE = (c_programs.ROOT / "docs" / "c.md").read_text()
 C_PROGRAM, C_IMAGE, C_SERVICE = re.findall(r"```c\n(.*?)```", PAGE, re.DOTALL)
+(CMAKE_PROJECT,) = re.findall(r"```cmake\n(.*?)```", PAGE, re.DOTALL)
 CPP_PROGRAM, CPP_SERVICE = re.findall(r"```cpp\n(.*?)```", PAGE, re.DOTALL)
 
 
@@ -37,17 +41,20 @@ async def test_it_passes_every_story(programs: Path, monkeypatch: pytest.MonkeyP
     assert outcomes["real"][1] == "3 samples returned by shm and shm; the same after a kill of busd"
 
 
-async def test_the_page_in_its_steps(node: bus.Node, programs: Path, tmp_path: Path) -> None:
-    """Installed as the page says, then the program of the page."""
+@pytest.fixture(scope="session")
+def prefix(programs: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The client, installed as the page says."""
     assert "make -C clients/c install PREFIX=" in PAGE
-    prefix, types = tmp_path / "busd-c", tmp_path / "types"
-    made = (
-        f"BUILD={tmp_path / 'build'}",
-        f"BUS={sys.executable} -m bus_cli",
-        "CFLAGS=-O0",
-    )
-    c_programs.run("make", "-s", "-C", c_programs.CLIENT, "-j2", *made, "library")  # without the prefix
-    c_programs.run("make", "-s", "-C", c_programs.CLIENT, *made, f"PREFIX={prefix}", "install")
+    folder = tmp_path_factory.mktemp("installed")
+    made = ("make", "-s", "-C", c_programs.CLIENT, "-j2", f"BUILD={folder / 'build'}", "CFLAGS=-O0")
+    c_programs.run(*made, "library")  # without the prefix
+    c_programs.run(*made, f"PREFIX={folder / 'busd-c'}", "install")
+    return folder / "busd-c"
+
+
+async def test_the_page_in_its_steps(node: bus.Node, prefix: Path, tmp_path: Path) -> None:
+    """The program of the page, with the installed client."""
+    types = tmp_path / "types"
     assert "bus interface c --output types std_msgs/msg/String" in PAGE
     written = c_programs.run(
         sys.executable, "-m", "bus_cli", "interface", "c", "--output", types, "std_msgs/msg/String"
@@ -129,6 +136,30 @@ async def test_the_programs_in_cpp(node: bus.Node, cpp_page: Path, tmp_path: Pat
     async with running_command(tmp_path, cpp_page, "add") as adder:
         assert await adder.end() == 0
         assert adder.lines == ["sum 5"]
+
+
+@pytest.mark.skipif(not all(map(shutil.which, ("cmake", "g++"))), reason="no cmake or no g++")
+@on_one_loop
+async def test_the_project_for_cmake(
+    node: bus.Node, prefix: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    project = CMAKE_PROJECT.replace("busd REQUIRED", f"busd {RELEASE} REQUIRED")
+    newer = "find_package(busd 99 QUIET)\nif(busd_FOUND)\n  message(FATAL_ERROR 99)\nendif()\n"
+    (tmp_path / "CMakeLists.txt").write_text(project + newer)
+    (tmp_path / "hello.cpp").write_text(CPP_PROGRAM)
+    (tmp_path / "bus").write_text(f'#!/bin/sh\nexec {sys.executable} -m bus_cli "$@"\n')
+    (tmp_path / "bus").chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
+    folders = ("-S", tmp_path, "-B", tmp_path / "build")
+    c_programs.run("cmake", *folders, f"-DCMAKE_PREFIX_PATH={prefix}", "-DCMAKE_CXX_FLAGS=-Wall -Werror")
+    c_programs.run("cmake", "--build", tmp_path / "build")
+    subscription = await node.create_subscription(String, "/out", 10)
+    publisher = await node.create_publisher(String, "/in", 10)
+    async with running_command(tmp_path, tmp_path / "build/hello"):
+        await publisher.wait_for_subscriptions()
+        await subscription.wait_for_publishers()
+        publisher.publish(String(data="hello"))
+        assert (await subscription.receive())[0].data == "I heard: hello"
 
 
 @pytest.mark.skipif(bool(c_programs.why_no_cpp()), reason=c_programs.why_no_cpp())
