@@ -24,6 +24,7 @@ FLAGS = ["-Wall", "-Wextra", "-Werror", "-O0", "-g", *SANITIZE.split()]
 MESSAGES = (
     "example_interfaces/srv/AddTwoInts",
     "geometry_msgs/msg/PoseArray",
+    "rcl_interfaces/srv/ListParameters",
     "sensor_msgs/msg/Image",
     "std_msgs/msg/String",
 )

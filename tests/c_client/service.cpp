@@ -1,5 +1,5 @@
 // The C++ side of tests/system/test_c_client_services.py, with the words of service.c. The request 2000 destroys the
-// server.
+// server. `service_cpp list NAME` calls a service whose response has texts.
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
@@ -7,8 +7,10 @@
 #include <busd/busd.hpp>
 
 #include "example_interfaces/srv/AddTwoInts.hpp"
+#include "rcl_interfaces/srv/ListParameters.hpp"
 
 using example_interfaces::srv::AddTwoInts;
+using rcl_interfaces::srv::ListParameters;
 
 static volatile std::sig_atomic_t has_ended = 0;
 
@@ -94,6 +96,36 @@ static void call(busd::bus &bus, busd::node &node, const char *name, char **numb
     }
 }
 
+// An answer with views, which has been moved and is older than its message; and an answer that never comes.
+static void list(busd::bus &bus, busd::node &node, const char *name)
+{
+    std::optional<busd::pending<ListParameters::Response>> first, second;
+    std::vector<busd::answer<ListParameters::Response>> answers;
+    {
+        auto client = node.create_client<ListParameters>(name, busd::qos().depth(5));
+        while (client.servers() == 0)
+            bus.wait();
+        const std::vector<std::string_view> prefixes = {"one", "two"};
+        ListParameters::Request request;
+        request.prefixes = prefixes;
+        first = client.call(request);
+        client.call(request, [&](auto &&answer) { answers.push_back(std::move(answer)); });
+        while (!first->is_ready() || answers.empty())
+            bus.wait();
+        second = client.call(request);
+        try {
+            second->get();
+        } catch (const busd::error &error) {
+            std::printf("%s\n", error.what());
+        }
+    }
+    answers.reserve(100);
+    for (const auto *response : {&first->get(), &*answers[0]})
+        for (const auto text : response->result.names)
+            std::printf("name %s\n", std::string(text).c_str());
+    second->get(); // throws
+}
+
 int main(int, char **argv)
 {
     std::signal(SIGTERM, [](int) { has_ended = 1; });
@@ -102,6 +134,8 @@ int main(int, char **argv)
         busd::node node = bus.create_node("cpp_service");
         if (std::string_view(argv[1]) == "serve")
             serve(bus, node, argv[2]);
+        else if (std::string_view(argv[1]) == "list")
+            list(bus, node, argv[2]);
         else
             call(bus, node, argv[2], argv + 3);
     } catch (const busd::error &error) {

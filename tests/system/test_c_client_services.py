@@ -10,11 +10,15 @@ import pytest
 import bus
 import c_programs
 from bus.srv.example_interfaces import AddTwoInts
+from bus.types.classes import message_class, service_class
 from conftest import Daemon
 from programs import running_command
 from semantics import node
 
 __all__ = ["node"]
+
+ListParameters: Any = service_class("rcl_interfaces/srv/ListParameters")
+ListParametersResult: Any = message_class("rcl_interfaces/msg/ListParametersResult")
 
 
 @pytest.fixture(scope="session")
@@ -96,6 +100,30 @@ async def test_a_server_in_cpp_that_its_callback_destroys(
         assert await server.end() == 1
     reason = "the server was destroyed: Operation canceled"
     assert server.lines[-2:] == [f"in the callback: {reason}", f"failed: {reason}"]
+
+
+@pytest.mark.skipif(bool(c_programs.why_no_cpp()), reason=c_programs.why_no_cpp())
+async def test_answers_in_cpp_keep_their_texts(
+    node: bus.Node, programs: Path, tmp_path: Path, route: str
+) -> None:
+    """The sanitizers see a text that is gone. The third call ends with the client, unanswered."""
+    prefixes: list[list[str]] = []
+
+    async def reply(request: Any) -> Any:
+        prefixes.append(request.prefixes)
+        if len(prefixes) == 3:
+            await asyncio.Event().wait()
+        return ListParameters.Response(result=ListParametersResult(names=["a" * 100, "b"]))
+
+    await node.create_service(ListParameters, "/list", reply)
+    async with running_command(tmp_path, programs / "service_cpp", "list", "/list") as client:
+        assert await client.end() == 1
+    assert prefixes[:2] == [["one", "two"]] * 2
+    assert client.lines == [
+        "the call has no answer yet: Resource temporarily unavailable",
+        *["name " + "a" * 100, "name b"] * 2,
+        "failed: the client was destroyed: Operation canceled",
+    ]
 
 
 async def test_a_killed_server_in_c_fails_the_calls(
