@@ -37,7 +37,8 @@ from bus.node import Node
 from bus.runner import loop_factory
 from bus_cli.query import Query
 from conftest import TEST_S, WAIT_S, Daemon
-from forks import Forks
+from forks import Fork, Forks
+from machine_programs import begin_on
 from netns import Cable, Machine, Machines
 from ports import free_port, own_domain
 
@@ -45,6 +46,8 @@ P = ParamSpec("P")
 Engine = Literal["zenoh", "ros2"]
 
 _PORT = 7447
+_SPARED = 4
+"""The pause between two looks at a condition, in times that a look took."""
 _DOMAIN = own_domain()
 
 
@@ -68,11 +71,13 @@ async def until(
     condition: Callable[[], Any], what: str | Callable[[], str] = "", within_s: float = WAIT_S
 ) -> float:
     """Wait for the condition; returns how long it took, in seconds. Raises AssertionError."""
-    began = time.monotonic()
+    began = looked = time.monotonic()
     while not condition():
-        if time.monotonic() - began > within_s:
+        now = time.monotonic()
+        if now - began > within_s:
             raise AssertionError(f"not within {within_s:g} s: {what() if callable(what) else what}")
-        await asyncio.sleep(0.005)
+        await asyncio.sleep(max(0.005, _SPARED * (now - looked)))  # the others need the processors
+        looked = time.monotonic()
     return time.monotonic() - began
 
 
@@ -87,19 +92,13 @@ class Bridge:
         self.is_killed = False
         self.process = self._start()
 
-    def _start(self) -> subprocess.Popen[bytes]:
+    def _start(self) -> subprocess.Popen[bytes] | Fork:
         self.is_killed = False
-        prefix = self.side.machine.prefix if self.side.machine else ()
-        command = (*prefix, sys.executable, "-m", "bus_cli", "bridge", self.engine, *self.arguments)
+        words = ("bridge", self.engine, *self.arguments, "--socket", str(self.side.path))
+        environment = {**os.environ, "BUSD_AUTOSTART": "0"}
         with self.log.open("ab") as log:
             self._silent_bytes = log.tell()
-            return subprocess.Popen(
-                [*command, "--socket", str(self.side.path)],
-                stdin=subprocess.DEVNULL,
-                stdout=log,
-                stderr=log,
-                env={**os.environ, "BUSD_AUTOSTART": "0"},
-            )
+            return begin_on(self.side.machine, "bus_cli", *words, output=log, environment=environment)
 
     @property
     def node(self) -> str:

@@ -15,9 +15,8 @@ from forks import Forks
 from peers import peer
 from peers.peer import Peer
 
-__all__ = ["DISTROS", "LIST", "ask", "join", "ros", "world"]
+__all__ = ["LIST", "ask", "join", "ros", "world"]
 
-DISTROS = pytest.mark.parametrize("distro", ["jazzy", "kilted"])
 LIST = "rcl_interfaces/srv/ListParameters"
 """The service of most tests: each rclpy has it."""
 

@@ -13,24 +13,30 @@ _SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 100
 
 
 def for_each(
-    names: str | tuple[str, ...], rows: Iterable[Any]
+    names: str | tuple[str, ...], rows: Iterable[Any] | Callable[[], Iterable[Any]]
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Run a test with each row, as `pytest.mark.parametrize`, but in one case and with the same fixtures.
 
-    All rows are tried. The output is the first failure, with its row, and a line for each other row that
-    fails. A test that needs a separate loop, process or fixture for each row stays parametrized, and so does
-    a test that skips.
+    A function for `rows` is called when the test runs. All rows are tried. The output is the first failure,
+    with its row, and a line for each other row that fails. A test that needs a separate loop, process or
+    fixture for each row stays parametrized, and so does a test that skips.
     """
     if isinstance(names, str):
         names = tuple(name.strip() for name in names.split(","))
-    table = [dict(zip(names, row if len(names) > 1 else (row,), strict=True)) for row in rows]
-    assert table, "a table without rows tests nothing"
+
+    def as_table(rows: Iterable[Any]) -> list[dict[str, Any]]:
+        table = [dict(zip(names, row if len(names) > 1 else (row,), strict=True)) for row in rows]
+        assert table, "a table without rows tests nothing"
+        return table
+
+    given = None if callable(rows) else as_table(rows)
 
     def decorate(test: Callable[..., None]) -> Callable[..., None]:
         @wraps(test)
         def run(*args: Any, **kwargs: Any) -> None:
             failures: list[tuple[str, BaseException]] = []
-            for row in table:
+            table = as_table(rows()) if callable(rows) else given
+            for row in table or ():
                 try:
                     test(*args, **kwargs, **row)
                 except (Exception, pytest.fail.Exception) as failure:

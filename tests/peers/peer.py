@@ -15,7 +15,8 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Literal, Self
+from typing import Any, Literal, ParamSpec, Self, TypeVar, get_args
+from zlib import crc32
 
 import pytest
 
@@ -25,6 +26,9 @@ from netns import Machine
 ROOT = Path(__file__).parents[2]
 PROGRAMS = Path(__file__).parent / "programs"
 Distro = Literal["jazzy", "kilted"]
+_DISTROS = get_args(Distro)
+P = ParamSpec("P")
+R = TypeVar("R")
 
 _LOOPBACK_ONLY = (
     "<CycloneDDS><Domain><General><Interfaces>"
@@ -33,6 +37,14 @@ _LOOPBACK_ONLY = (
     "<Discovery><Peers><Peer address='127.0.0.1'/></Peers><ParticipantIndex>auto</ParticipantIndex>"
     "<MaxAutoParticipantIndex>32</MaxAutoParticipantIndex></Discovery></Domain></CycloneDDS>"
 )
+
+
+def each_distro(test: Callable[P, R]) -> Callable[P, R]:
+    """Run a test with each distribution; in `make test` only with one of them, which its name selects."""
+    daily = _DISTROS[crc32(test.__name__.encode()) & 1]
+    cases = [pytest.param(one, marks=() if one == daily else pytest.mark.nightly, id=one) for one in _DISTROS]
+    made: Callable[P, R] = pytest.mark.parametrize("distro", cases)(test)
+    return made
 
 
 def python_of(distro: Distro) -> Path:

@@ -29,7 +29,7 @@ async def bridge() -> AsyncIterator[Bridge]:
     await made.engine.close()
 
 
-@pytest.mark.parametrize("distro", ["jazzy", "kilted"])
+@peer.each_distro
 async def test_nodes_and_topics(bridge: Bridge, distro: peer.Distro) -> None:
     bridge.publish("/chatter")
     bridge.listen("/back")
@@ -55,7 +55,7 @@ async def test_nodes_and_topics(bridge: Bridge, distro: peer.Distro) -> None:
     await until(lambda: not bridge.far.nodes and not bridge.far.endpoints)
 
 
-@pytest.mark.parametrize("distro", ["jazzy", "kilted"])
+@peer.each_distro
 async def test_messages_both_ways(bridge: Bridge, distro: peer.Distro) -> None:
     image = MessageSchema.of(Image)
     twist = MessageSchema.of(Twist)
@@ -101,7 +101,7 @@ async def test_messages_both_ways(bridge: Bridge, distro: peer.Distro) -> None:
             assert abs(ros.source_times_ns[f"{topic}/down"][0] - sample.source_time_ns) < 1000
 
 
-@pytest.mark.parametrize("distro", ["jazzy", "kilted"])
+@peer.each_distro
 async def test_late_joiners(bridge: Bridge, distro: peer.Distro) -> None:
     durable: dict[str, Any] = {"durability": "transient_local", "depth": 1}
     writer = bridge.publish("/down", LATCHED)
@@ -118,7 +118,7 @@ async def test_late_joiners(bridge: Bridge, distro: peer.Distro) -> None:
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("distro", ["jazzy", "kilted"])
+@peer.each_distro
 async def test_either_may_come_again(bridge: Bridge, distro: peer.Distro) -> None:
     bridge.listen("/up")
     for text in ("one", "two"):

@@ -8,7 +8,7 @@ import pytest
 from bridged_world import World, on_one_loop, until
 from cli import script
 from peers import peer
-from ros2_bridged import DISTROS, join, ros, world
+from ros2_bridged import join, ros, world
 
 __all__ = ["world"]
 
@@ -27,7 +27,7 @@ rclpy.spin(node)
 SRV = "lifecycle_msgs/srv"
 
 
-@DISTROS
+@peer.each_distro
 @on_one_loop
 async def test_the_bus_manages_a_node_of_rclpy(world: World, distro: peer.Distro) -> None:
     side, _ = join(world)
@@ -44,7 +44,7 @@ async def test_the_bus_manages_a_node_of_rclpy(world: World, distro: peer.Distro
         assert far.heard["managed"] == ["configure", "activate", "activate"]
 
 
-@DISTROS
+@peer.each_distro
 @on_one_loop
 async def test_rclpy_manages_a_node_of_the_bus(
     world: World, distro: peer.Distro, monkeypatch: pytest.MonkeyPatch

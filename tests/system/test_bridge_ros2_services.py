@@ -13,7 +13,7 @@ from bus.errors import ServiceUnavailable
 from bus.types.classes import service_class
 from peers import peer
 from peers.peer import Peer
-from ros2_bridged import DISTROS, LIST, ask, join, ros, world
+from ros2_bridged import LIST, ask, join, ros, world
 
 __all__ = ["world"]
 
@@ -29,12 +29,11 @@ ListParameters: Any = service_class(LIST)
 
 async def services_of(far: Peer, *names: str) -> dict[str, list[str]]:
     """The services of our node as `far` sees them, once these are there."""
-    while "/robot" not in await ask(far, "nodes"):
-        pass
-    while True:
-        found: dict[str, list[str]] = await ask(far, "services", name="robot")
-        if {*names} <= found.keys():
-            return found
+    await asyncio.to_thread(far.wait_for, "nodes", lambda found: "/robot" in found)
+    found: dict[str, list[str]] = await asyncio.to_thread(
+        far.wait_for, "services", lambda found: {*names} <= found.keys(), name="robot"
+    )
+    return found
 
 
 def answer(request: Any) -> Any:
@@ -43,7 +42,7 @@ def answer(request: Any) -> Any:
     return response
 
 
-@DISTROS
+@peer.each_distro
 @on_one_loop
 async def test_rclpy_calls_a_server_of_the_bus(world: World, distro: peer.Distro) -> None:
     side, bridge = join(world)
@@ -64,7 +63,7 @@ async def test_rclpy_calls_a_server_of_the_bus(world: World, distro: peer.Distro
             assert "no thirteen" in bridge.log.read_text()
 
 
-@DISTROS
+@peer.each_distro
 @on_one_loop
 async def test_the_bus_calls_a_server_of_rclpy(world: World, distro: peer.Distro) -> None:
     side, _ = join(world)
@@ -90,7 +89,7 @@ async def test_the_bus_calls_a_server_of_rclpy(world: World, distro: peer.Distro
             far.kill()
 
 
-@DISTROS
+@peer.each_distro
 @on_one_loop
 async def test_rclpy_sets_parameters_of_a_node_of_the_bus(world: World, distro: peer.Distro) -> None:
     side, _ = join(world)
@@ -111,7 +110,7 @@ async def test_rclpy_sets_parameters_of_a_node_of_the_bus(world: World, distro: 
         assert node.get_parameter("speed") == 9
 
 
-@DISTROS
+@peer.each_distro
 @on_one_loop
 async def test_the_bus_sets_parameters_of_a_node_of_rclpy(world: World, distro: peer.Distro) -> None:
     side, _ = join(world)
@@ -137,7 +136,7 @@ async def test_rules_forbid_parameters(world: World, tmp_path: Path) -> None:
             await until(lambda: side.bus("param", "get", "/ros_node", "use_sim_time").code == 0)
 
 
-@DISTROS
+@peer.each_distro
 @on_one_loop
 async def test_each_side_lists_the_services_of_the_other(world: World, distro: peer.Distro) -> None:
     side, _ = join(world)

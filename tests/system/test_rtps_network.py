@@ -29,7 +29,7 @@ def services(machines: Machines, cable: Cable, name: str) -> Peer:
     return Peer(command, None, machines[name])
 
 
-@pytest.mark.parametrize("distro", ["jazzy", "kilted"])
+@peer.each_distro
 def test_rclpy_on_another_machine(machines: Machines, distro: peer.Distro) -> None:
     cable = machines.connect("robot", "laptop")
     with (

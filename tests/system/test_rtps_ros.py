@@ -18,7 +18,6 @@ from ports import own_domain
 
 DOMAIN = own_domain()
 STRING, IMAGE = "std_msgs/msg/String", "sensor_msgs/msg/Image"
-DISTROS = pytest.mark.parametrize("distro", ["jazzy", "kilted"])
 LONG = 900_000
 
 
@@ -85,7 +84,7 @@ async def _ask(ros: peer.Peer, order: str, **arguments: Any) -> Any:
     return await asyncio.to_thread(ros.ask, order, **arguments)
 
 
-@DISTROS
+@peer.each_distro
 async def test_samples_both_ways(ours: Ours, distro: peer.Distro) -> None:
     reader = ours.running.add_reader("rt/t_up", dds_type(STRING), ours.got.append)
     writer = ours.running.add_writer("rt/t_down", dds_type(STRING))
@@ -113,7 +112,7 @@ async def test_samples_both_ways(ours: Ours, distro: peer.Distro) -> None:
     assert time.monotonic() - begun < SOON_S  # it has signed off: its lease would take longer
 
 
-@DISTROS
+@peer.each_distro
 async def test_long_samples_both_ways(ours: Ours, distro: peer.Distro) -> None:
     best = RELIABLE._replace(reliable=False)
     ours.running.add_reader("rt/t_up", dds_type(IMAGE), ours.got.append)
@@ -136,7 +135,7 @@ async def test_long_samples_both_ways(ours: Ours, distro: peer.Distro) -> None:
         assert {(one["data"]["size"], one["data"]["crc"]) for one in heard} == {(LONG, crc32(pixels))}
 
 
-@DISTROS
+@peer.each_distro
 async def test_our_end(ours: Ours, distro: peer.Distro) -> None:
     ours.running.add_writer("rt/t_down", dds_type(STRING))
     with await _ros(distro) as ros:
@@ -148,7 +147,7 @@ async def test_our_end(ours: Ours, distro: peer.Distro) -> None:
         assert time.monotonic() - begun < SOON_S
 
 
-@DISTROS
+@peer.each_distro
 async def test_the_end_of_a_writer(ours: Ours, distro: peer.Distro) -> None:
     writer = ours.running.add_writer("rt/t_down", dds_type(STRING))
     with await _ros(distro) as ros:

@@ -19,7 +19,6 @@ from peers import peer
 from ports import own_domain
 
 DOMAIN = own_domain()
-DISTROS = pytest.mark.parametrize("distro", ["jazzy", "kilted"])
 LIST = "rcl_interfaces/srv/ListParameters"
 GET = "rcl_interfaces/srv/GetParameters"
 _classes: Any = {name: service_class(name) for name in (LIST, GET)}
@@ -72,7 +71,7 @@ async def _ask(ros: peer.Peer, order: str, **arguments: Any) -> Any:
     return await asyncio.to_thread(ros.ask, order, **arguments)
 
 
-@DISTROS
+@peer.each_distro
 async def test_they_call_us(ours: Ours, distro: peer.Distro) -> None:
     ours.serve("/ours")
     with await _ros(distro) as ros:
@@ -100,7 +99,7 @@ async def test_they_call_us(ours: Ours, distro: peer.Distro) -> None:
         assert await _ask(ros, "call", **call, time_s=0.1) == "no server"
 
 
-@DISTROS
+@peer.each_distro
 async def test_we_call_them(ours: Ours, distro: peer.Distro) -> None:
     client = ours.services.make_client("/theirs", LIST)
     answer = {"result": {"names": ["a", "ü"]}}
@@ -119,7 +118,7 @@ async def test_we_call_them(ours: Ours, distro: peer.Distro) -> None:
         assert (client.waiting, client.late, client.faulty) == (0, 0, 0)
 
 
-@DISTROS
+@peer.each_distro
 async def test_a_server_that_dies_in_a_call(ours: Ours, distro: peer.Distro) -> None:
     client = ours.services.make_client("/theirs", LIST)
     with await _ros(distro) as ros:
@@ -135,7 +134,7 @@ async def test_a_server_that_dies_in_a_call(ours: Ours, distro: peer.Distro) -> 
         ros.kill()
 
 
-@DISTROS
+@peer.each_distro
 async def test_parameters_of_their_node(ours: Ours, distro: peer.Distro) -> None:
     listing = ours.services.make_client("/ros_node/list_parameters", LIST)
     getting = ours.services.make_client("/ros_node/get_parameters", GET)

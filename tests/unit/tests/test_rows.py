@@ -54,3 +54,16 @@ def test_a_row_cannot_be_skipped_nor_a_table_be_empty() -> None:
         skipping()
     with pytest.raises(AssertionError, match="without rows"):
         for_each("row", [])
+
+
+def test_a_function_for_the_rows_is_called_when_the_test_runs() -> None:
+    rows: list[int] = []
+    seen: list[int] = []
+
+    @for_each("number", lambda: rows)
+    def check(number: int) -> None:
+        seen.append(number)
+
+    rows += [1, 2]
+    check()
+    assert seen == [1, 2]

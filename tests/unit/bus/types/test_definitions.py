@@ -26,6 +26,7 @@ from bus.types.idl import Message
 from bus.types.schema import describe
 from bus.types.support import find_type, type_hash, type_support
 from bus_ros import rosidl
+from daily_types import daily_part
 from rows import for_each
 
 READY_MADE = [
@@ -127,7 +128,7 @@ def constants(cls: type) -> dict[str, object]:
 
 def test_what_is_shipped_makes_classes_that_ros_would_know() -> None:
     assert len(SHIPPED) > 150
-    for definition in map(find_definition, SHIPPED):
+    for definition in map(find_definition, daily_part(SHIPPED)):
         for message in [definition] if isinstance(definition, Message) else definition[1:]:
             support = type_support(message_class(message.name))
             assert support.name == message.name

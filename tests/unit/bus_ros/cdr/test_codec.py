@@ -1,6 +1,7 @@
 """Codecs: messages from other encoders, long fields, and errors."""
 
 import struct
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from bus.msg.std_msgs import Float64, Float64MultiArray, Header, String, UInt8
 from bus.types.classes import message_class
 from bus.types.definitions import names
 from bus_ros.cdr import CdrError, Codec, codec_of, schema_of_definition
+from daily_types import daily_part
 from payloads import payload
 from rows import for_each
 
@@ -43,7 +45,7 @@ PARTS = [
 """The other parts of services and actions are fields of these."""
 
 
-@for_each("name", PARTS)
+@for_each("name", partial(daily_part, PARTS))
 def test_parts_of_services_and_actions_come_back(name: str) -> None:
     schema = bus.MessageSchema.of(message_class(name))
     made = codec_of(schema)

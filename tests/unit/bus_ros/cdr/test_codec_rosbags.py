@@ -1,7 +1,8 @@
-"""Every type that comes with busd, and a user's own type: rosbags has the same bytes, definitions and
+"""The types that come with busd, and a user's own type: rosbags has the same bytes, definitions and
 hashes.
 """
 
+from functools import partial
 from typing import Any
 
 import pytest
@@ -10,6 +11,7 @@ import bus
 from bus.types.classes import message_class
 from bus.types.definitions import names
 from bus_ros.cdr import codec_of, schema_of_definition
+from daily_types import daily_part
 from ownclasses import Wheel
 from payloads import payload
 from rows import for_each
@@ -27,7 +29,7 @@ def known_as(definition: str, name: str) -> Any:
     return store
 
 
-@for_each("name", MESSAGES)
+@for_each("name", partial(daily_part, MESSAGES))
 def test_bytes_definition_and_hash_are_those_of_rosbags(name: str) -> None:
     schema = bus.MessageSchema.of(message_class(name))
     codec = codec_of(schema)

@@ -69,6 +69,9 @@ def test_a_service_and_an_action(tmp_path: Path) -> None:
     ]
 
 
+KNOWN = [parser.BaseType(f"{one.parents[1].name}/{one.stem}") for one in SHARE.glob("*/msg/*.msg")]
+
+
 @for_each("path", sorted(SHARE.glob("*/*/*.*")))
 def test_definitions_of_busd(path: Path) -> None:
     readers: dict[str, Any] = {
@@ -78,8 +81,7 @@ def test_definitions_of_busd(path: Path) -> None:
     }
     if (kind := path.parent.name) in readers:
         found = readers[kind](path.parents[1].name, str(path))
-        known = [parser.BaseType(f"{one.parents[1].name}/{one.stem}") for one in SHARE.glob("*/msg/*.msg")]
-        parser.validate_field_types(found, known)
+        parser.validate_field_types(found, KNOWN)
 
 
 @for_each(
