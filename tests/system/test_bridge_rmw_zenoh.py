@@ -100,6 +100,7 @@ async def test_a_bus_may_have_a_bridge_to_each_middleware(ros: Ros) -> None:
             await ask(far, "listen", topic="/ours", **STRING)
             await publisher.wait_for_subscriptions()
             publisher.publish(String(data="there"))
+            await until(lambda: any("MS" in key and "theirs" in key for key in far.ask("tokens")))
             await ask(far, "send", topic="/theirs", messages=[text("here")])
             await until(lambda: heard)
             found = [one["cdr"] for one in await asyncio.to_thread(far.wait, "/ours", 1)]

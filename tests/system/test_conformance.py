@@ -13,6 +13,7 @@ from bus_cli.doctor.conformance.program import outcome
 from bus_cli.doctor.conformance.stories import STORIES
 from cli import bus
 from conftest import SOON_S
+from effort import is_nightly
 from programs import EXAMPLES, on_one_loop
 from wrong_clients import WAYS
 
@@ -76,10 +77,13 @@ async def test_the_library_itself_passes() -> None:
 
 @on_one_loop
 async def test_each_mistake_is_found_by_its_story() -> None:
-    outcomes = await play([(way.story, [*WRONG, way.client.__name__, way.role]) for way in WAYS])
+    """Daily only the first mistake of each story."""
+    first = {way.story: way for way in reversed(WAYS)}
+    ways = WAYS if is_nightly() else [*first.values()]
+    outcomes = await play([(way.story, [*WRONG, way.client.__name__, way.role]) for way in ways])
     unfound = [
         (way.client.__name__, mark, text)
-        for way, (mark, text) in zip(WAYS, outcomes, strict=True)
+        for way, (mark, text) in zip(ways, outcomes, strict=True)
         if mark != "fail" or way.text not in text
     ]
     assert unfound == []

@@ -21,7 +21,7 @@ from nursery import Nursery, until_equal
 from raw_peer import HELLO, RawPeer
 from survivors import Ear
 
-RESTARTS = 3
+RESTARTS = 2
 KNOCK_S = WAIT_S / 400
 """Rare enough that all attempts within a test's patience fit into the backlog."""
 

@@ -52,11 +52,7 @@ class TestOneThatNeverReads:
     @with_limits(queued_bytes_per_peer=2 * MiB, message_bytes=MiB, keep_all_window_bytes=MiB, lease_s=60)
     @pytest.mark.parametrize(
         "size",
-        [
-            0,
-            100,
-            60_000,
-        ],
+        [0, pytest.param(100, marks=pytest.mark.nightly), 60_000],
     )
     def test_samples(self, daemon: Daemon, peer: RawPeer, other: RawPeer, size: int) -> None:
         """busd bounds and counts the samples queued for it, however small they are; the peer may stay."""
