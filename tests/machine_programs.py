@@ -17,12 +17,14 @@ __all__ = ["begin_on"]
 
 _IMPORTED = (
     *("asyncio", "uvloop", "msgspec", "bus.node", "bus_cli.bridge", "bus_cli.entry", "bus_bridge.program"),
-    "bus_ros.cdr",
+    *("bus_cli.bridge.bridgeargs", "bus_cli.bridge.service", "bus_bridge.config", "bus.link.autostart"),
+    *("bus.link.graph_mirror", "bus.link.query", "bus.msg._described", "bus.process.logfile", "bus.runner"),
+    *("bus.service.server", "bus_ros.cdr"),
 )
 _ENGINES = (
     ("zenoh", ("zenoh", "bus_bridge.zenoh.engine")),
     ("xxhash", ("bus_bridge.rmw_zenoh.engine",)),
-    ("cyclonedds", ("cyclonedds.domain", "bus_bridge.dds.engine")),
+    ("cyclonedds", ("bus_bridge.dds.cyclone", "bus_bridge.dds.engine", "bus_bridge.dds.node_info")),
 )
 """Packages, and what can be imported with each of them."""
 

@@ -20,6 +20,8 @@ __all__ = ["ros"]
 
 Way = Literal["--connect", "--router"]
 WAYS = pytest.mark.parametrize("by", get_args(Way))
+ONE_WAY = pytest.mark.parametrize("by", ["--router", pytest.param("--connect", marks=pytest.mark.nightly)])
+"""For all but the messages of a publisher, and what comes back: there the ways are tried daily."""
 STRING = kind_of("std_msgs/msg/String")
 SET_BOOL = service_kind("std_srvs/srv/SetBool")
 LIST = "rcl_interfaces/srv/ListParameters"
@@ -133,7 +135,7 @@ async def test_a_publisher_of_the_bus_is_heard(ros: Ros, by: Way) -> None:
         await until(lambda: not [one for one in far.ask("tokens") if "talker" in one])
 
 
-@WAYS
+@ONE_WAY
 @on_one_loop
 async def test_late_joiners_get_the_history_in_both_directions(ros: Ros, by: Way) -> None:
     ros.bridge(by=by)
@@ -179,7 +181,7 @@ async def test_nothing_of_a_lossless_publisher_is_lost(ros: Ros) -> None:
         assert [one["number"] for one in found] == [*range(1, 3001)], bridge.status()
 
 
-@WAYS
+@ONE_WAY
 @on_one_loop
 async def test_ros_2_calls_a_server_of_the_bus(ros: Ros, by: Way) -> None:
     bridge = ros.bridge(by=by)
@@ -200,7 +202,7 @@ async def test_ros_2_calls_a_server_of_the_bus(ros: Ros, by: Way) -> None:
     await until(lambda: "gets no answer" in bridge.log.read_text())
 
 
-@WAYS
+@ONE_WAY
 @on_one_loop
 async def test_the_bus_calls_a_server_of_ros_2(ros: Ros, by: Way) -> None:
     ros.bridge(by=by)
