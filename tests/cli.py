@@ -33,8 +33,19 @@ IMPORTED = (
     *("bus.msg.geometry_msgs", "bus.msg.sensor_msgs", "bus.msg.std_msgs", "bus.srv.example_interfaces"),
     *("bus.msg.rcl_interfaces", "bus.msg._described"),
     *("bus_ros.rclpy", "bus_ros.rclpy.action", "bus_ros.rclpy.lifecycle", "bus_ros.rclpy.parameter_service"),
-    *("bus_ros.rosidl", "bus_ros.rosidl.support", "bus_ros.running", "bus.srv._described", "bus.srv.std_srvs"),
-    *("bus_bag.record.program", "bus_bag.play.program", "bus_bag.storage.chunk", "bus_bag.storage.mcap_reader"),
+    *(
+        "bus_ros.rosidl",
+        "bus_ros.rosidl.support",
+        "bus_ros.running",
+        "bus.srv._described",
+        "bus.srv.std_srvs",
+    ),
+    *(
+        "bus_bag.record.program",
+        "bus_bag.play.program",
+        "bus_bag.storage.chunk",
+        "bus_bag.storage.mcap_reader",
+    ),
     *("bus_bag.storage.mcap_writer", "mcap.records", "mcap.writer"),
     *("bus_cli.top.plain", "bus_web.browser", "bus_web.program", "bus.link.graph_mirror"),
 )

@@ -49,7 +49,10 @@ def test_keys_steer_it_and_a_line_shows_where_it_is(bag: Path) -> None:
         assert (terminal.wait(), terminal.mode()) == (-signal.SIGINT, before)
 
 
-@pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP", "SIGQUIT", "SIGUSR1"])
+@pytest.mark.parametrize(
+    "name",
+    ["SIGTERM", "SIGHUP", *(pytest.param(one, marks=pytest.mark.nightly) for one in ("SIGQUIT", "SIGUSR1"))],
+)
 def test_the_terminal_is_put_back_after_a_signal(bag: Path, name: str) -> None:
     number = getattr(signal, name)
     with play(bag) as terminal:

@@ -167,7 +167,7 @@ class TestStreams:
         notes = "publish" if route == "shm" else "flush"
         listener = nursery.listener(Ear(), Ear(DEPTH)).ready()
         talkers = [
-            nursery.talker(depth=0, notes=notes).ready(),
+            nursery.talker(depth=0, burst=100, pause_s=0.01, notes=notes).ready(),
             nursery.talker(depth=DEPTH, pause_s=0.01, notes=notes).ready(),
         ]
         for _ in range(RESTARTS):
