@@ -77,9 +77,9 @@ async def test_the_library_itself_passes() -> None:
 
 @on_one_loop
 async def test_each_mistake_is_found_by_its_story() -> None:
-    """Daily only the first mistake of each story."""
+    """Daily only the first mistake of each story, and both about frames that are cut."""
     first = {way.story: way for way in reversed(WAYS)}
-    ways = WAYS if is_nightly() else [*first.values()]
+    ways = [way for way in WAYS if is_nightly() or way.story == "split" or way is first[way.story]]
     outcomes = await play([(way.story, [*WRONG, way.client.__name__, way.role]) for way in ways])
     unfound = [
         (way.client.__name__, mark, text)
