@@ -29,14 +29,13 @@ def for_each(
         assert table, "a table without rows tests nothing"
         return table
 
-    given = None if callable(rows) else as_table(rows)
+    given = as_table(rows) if isinstance(rows, Iterable) else []
 
     def decorate(test: Callable[..., None]) -> Callable[..., None]:
         @wraps(test)
         def run(*args: Any, **kwargs: Any) -> None:
             failures: list[tuple[str, BaseException]] = []
-            table = as_table(rows()) if callable(rows) else given
-            for row in table or ():
+            for row in given if isinstance(rows, Iterable) else as_table(rows()):
                 try:
                     test(*args, **kwargs, **row)
                 except (Exception, pytest.fail.Exception) as failure:

@@ -3,6 +3,7 @@
 import asyncio
 import re
 import socket
+import sys
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, ExitStack, asynccontextmanager, closing
 from http.client import HTTPConnection
@@ -16,7 +17,7 @@ from browser import chromium, need_chromium
 from cli import bus
 from conftest import WAIT_S
 from neighbours import wait_until
-from programs import Program, on_one_loop, running
+from programs import Program, on_one_loop, running, running_command
 
 pytest.importorskip("websockets", reason="the page's server is made of websockets")
 
@@ -175,6 +176,6 @@ async def test_where_it_listens(tmp_path: Path) -> None:
 async def test_without_websockets_it_runs_without_a_page(tmp_path: Path) -> None:
     hide = "import sys; sys.modules['websockets'] = None; sys.argv = ['turtlesim_node']; "
     program = f"{hide}from bus_turtlesim.turtlesim_node import main; main()"
-    async with running(tmp_path, "-c", program) as blind:
+    async with running_command(tmp_path, sys.executable, "-c", program) as blind:  # a fork has imported it
         await blind.line(r"^no page: the page needs websockets \(.*\): pip install 'websockets>=15'$")
         await blind.line(r"Spawning turtle \[turtle1\]")
