@@ -272,8 +272,8 @@ def _is_in_half(item: pytest.Item) -> bool:
     """Whether a combination of loop and route belongs to the test's half.
 
     A test runs with two of the four combinations, which include each loop and each route. Its name selects
-    the two: all tests together use all four. The same holds for loop and distribution of ROS 2. A test marked
-    `either_loop`, without route and distribution, runs on one loop.
+    the two: all tests together use all four. The same holds for loop and distribution of ROS 2. A test
+    without route and distribution runs on one loop, unless it is marked `both_loops`.
     """
     ids = item.callspec.id.split("-") if hasattr(item, "callspec") else []
     if not ("asyncio" in ids) ^ ("uvloop" in ids):
@@ -282,9 +282,9 @@ def _is_in_half(item: pytest.Item) -> bool:
         if (one in ids) ^ (other in ids):
             break
     else:
-        if item.get_closest_marker("either_loop") is None:
+        if item.get_closest_marker("both_loops") is not None:
             return True
-        one = "asyncio or uvloop"
+        one = ""
     name = item.nodeid.partition("[")[0]
     return ("asyncio" in ids) ^ (one in ids) ^ bool(crc32(name.encode()) & 1)
 

@@ -19,8 +19,6 @@ from effort import examples
 from neighbours import wait_until
 from semantics import until
 
-pytestmark = pytest.mark.either_loop
-
 IDLE_S = 2
 """Longer than a busy machine may delay the first connection of the program that starts busd."""
 

@@ -25,8 +25,6 @@ from recording import Bag
 from semantics import KEEP_ALL, send_all, until
 from semantics import node as node
 
-pytestmark = pytest.mark.either_loop
-
 ALL = Wanted(all_topics=True)
 
 

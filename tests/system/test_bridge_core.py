@@ -22,8 +22,6 @@ from semantics import until
 
 __all__ = ["world"]
 
-pytestmark = pytest.mark.either_loop
-
 
 async def test_a_talker_is_heard_on_the_other_bus(world: Made) -> None:
     async with world() as made:

@@ -92,8 +92,6 @@ def alone(bridge: Bridge) -> Iterator[Alone]:
     made.close()
 
 
-pytestmark = pytest.mark.either_loop
-
 _OCTETS = make_idl_struct(
     "String_", "std_msgs::msg::dds_::String_", {"data": array[uint8, 8]}, dataclassify=False
 )

@@ -21,8 +21,6 @@ from semantics import until
 
 __all__ = ["world"]
 
-pytestmark = pytest.mark.either_loop
-
 
 async def test_a_link_that_goes_and_comes_back(world: Made) -> None:
     async with world() as made:

@@ -2,8 +2,6 @@
 
 import asyncio
 
-import pytest
-
 import bus
 from bridging import Made, Running, received, world
 from bus.msg.std_msgs import Int32, String
@@ -11,8 +9,6 @@ from bus_bridge.core.rules import TopicRule
 from semantics import until
 
 __all__ = ["world"]
-
-pytestmark = pytest.mark.either_loop
 
 
 def read_by(bridge: Running) -> int:

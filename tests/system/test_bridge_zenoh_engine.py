@@ -28,8 +28,6 @@ from certificates import Certificates, make_certificates
 from conftest import WAIT_S, open_descriptors
 from ports import free_port
 
-pytestmark = pytest.mark.either_loop
-
 SCHEMA = MessageSchema.of(String)
 GID = bytes(range(16))
 NODE = LocalNode(1, "talker", "/")

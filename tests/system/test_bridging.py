@@ -15,8 +15,6 @@ from fake_broker import FakeBroker
 from programs import running
 from semantics import until
 
-pytestmark = pytest.mark.either_loop
-
 FAR = bus.Origin("zenoh", "laptop-1f2e3d4c")
 FURTHER = bus.Origin("zenoh", "hub", via=("robot-1",))
 GID = bytes(range(16))

@@ -51,7 +51,6 @@ def prefix(programs: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "busd-c"
 
 
-@pytest.mark.either_loop
 async def test_the_page_in_its_steps(node: bus.Node, prefix: Path, tmp_path: Path) -> None:
     """The program of the page, with the installed client."""
     types = tmp_path / "types"

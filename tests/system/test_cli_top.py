@@ -227,7 +227,6 @@ async def screen(size: tuple[int, int] = (160, 40), by: str = "topic") -> AsyncI
         assert top.failure is None
 
 
-@pytest.mark.either_loop
 async def test_every_key(world: None) -> None:
     async with screen() as shown:
         await shown.until("/chatter .* 2/2 .* 98 +[▁-█ ]*has lost: replaced", "rows")
@@ -264,7 +263,6 @@ async def test_every_key(world: None) -> None:
     assert not shown.top.is_running
 
 
-@pytest.mark.either_loop
 async def test_a_filter(world: None) -> None:
     async with screen() as shown:
         await shown.until("/rosout", "rows")
@@ -280,7 +278,6 @@ async def test_a_filter(world: None) -> None:
         await shown.until("(?s)/chatter.*/odd.*/rosout", "rows")
 
 
-@pytest.mark.either_loop
 async def test_live_values(daemon: Daemon) -> None:
     async with bus.Node("talker") as node, screen() as shown:
         numbers = await node.create_publisher(Int64, "/numbers", 10)
@@ -310,7 +307,6 @@ async def test_live_values(daemon: Daemon) -> None:
         await shown.press("escape")
 
 
-@pytest.mark.either_loop
 async def test_what_has_several_types_has_no_values(daemon: Daemon) -> None:
     async with bus.Node("talker") as node, screen() as shown:
         await node.create_publisher(Int64, "/mixed", 10)
@@ -320,7 +316,6 @@ async def test_what_has_several_types_has_no_values(daemon: Daemon) -> None:
         await shown.until("as it contains more than one type", "below")
 
 
-@pytest.mark.either_loop
 async def test_types_of_one_name_that_differ_are_told_apart(daemon: Daemon) -> None:
     program = """
 import asyncio, bus, msgspec
@@ -345,7 +340,6 @@ bus.run(main())
             await shown.until("(?s)/a -> /b.*both call it demo/msg/Wheel, but .*(speed|angle)", "below")
 
 
-@pytest.mark.either_loop
 async def test_busd_goes_and_comes(daemon: Daemon, start_daemon: Callable[..., Daemon]) -> None:
     async with screen() as shown:
         await shown.until("/rosout|nothing lost", "sums")
@@ -359,7 +353,6 @@ async def test_busd_goes_and_comes(daemon: Daemon, start_daemon: Callable[..., D
             await shown.until("nothing lost", "sums")
 
 
-@pytest.mark.either_loop
 async def test_a_reason_that_a_terminal_would_obey(daemon: Daemon) -> None:
     with RawPeer(daemon.path) as peer:
         end = peer.hello().subscription(peer.node(), "/topic").id
@@ -370,7 +363,6 @@ async def test_a_reason_that_a_terminal_would_obey(daemon: Daemon) -> None:
             await shown.until(r"7 \(\\x1b\[2J: 7\)", "below")
 
 
-@pytest.mark.either_loop
 async def test_when_messages_were_lost(daemon: Daemon) -> None:
     async with screen() as shown, bus.Node("talker") as node:
         publisher = await node.create_publisher(Int64, "/numbers", 10)
@@ -381,7 +373,6 @@ async def test_when_messages_were_lost(daemon: Daemon) -> None:
         await shown.until("8 ▁*█▁* +(loses now|has lost): replaced", "rows")
 
 
-@pytest.mark.either_loop
 async def test_ages(daemon: Daemon) -> None:
     async with screen() as shown, bus.Node("talker") as node:
         publisher = await node.create_publisher(Int64, "/numbers", 10)
@@ -392,7 +383,6 @@ async def test_ages(daemon: Daemon) -> None:
         await shown.until(r"/numbers .* (\d+|\d+\.\d) (µs|ms) +(\d+|\d+\.\d) (µs|ms) ", "rows")
 
 
-@pytest.mark.either_loop
 async def test_busd_stands_still(daemon: Daemon, monkeypatch: pytest.MonkeyPatch) -> None:
     """busd stops for longer than `bus top` waits for an answer."""
     async with screen() as shown:
@@ -406,7 +396,6 @@ async def test_busd_stands_still(daemon: Daemon, monkeypatch: pytest.MonkeyPatch
             await shown.until("/numbers", "rows")
 
 
-@pytest.mark.either_loop
 @pytest.mark.parametrize("width", [20, 80])
 async def test_narrow_terminals(world: None, width: int) -> None:
     async with screen((width, 24)) as shown:

@@ -73,7 +73,6 @@ def full_backlog(daemon: Daemon) -> Iterator[None]:
             daemon.process.send_signal(signal.SIGCONT)
 
 
-@pytest.mark.either_loop
 @pytest.mark.usefixtures("neighbours")
 async def test_programs_get_in_through_a_storm(daemon: Daemon) -> None:
     """Their neighbours, by socket, lose nothing; the log stays readable."""

@@ -252,7 +252,6 @@ def test_schemas_of_a_user(daemon: Daemon) -> None:
         assert resident_bytes(daemon.pid) - before < 16 * MiB
 
 
-@pytest.mark.either_loop
 @with_limits(schema_bytes=KiB)
 async def test_a_schema_that_is_too_long(daemon: Daemon, tmp_path: Path) -> None:
     """Its endpoint is refused; the node keeps its other endpoints, and may use it at a higher limit."""

@@ -25,6 +25,8 @@ from conftest import WAIT_S
 from fake_broker import FakeBroker, FakeConnection
 from semantics import KEEP_ALL, node, until
 
+pytestmark = pytest.mark.both_loops
+
 __all__ = ["node"]
 
 SILENT_S = 1e6

@@ -23,7 +23,7 @@ from semantics import node, until
 
 __all__ = ["node"]
 
-pytestmark = [pytest.mark.usefixtures("daemon"), pytest.mark.either_loop]
+pytestmark = pytest.mark.usefixtures("daemon")
 
 LONG_S = 1.5 * SLOW_NS / 1e9
 

@@ -15,6 +15,8 @@ from bus.alarms.schedule import NEVER_NS
 from bus.alarms.wake_up import KernelWakeUp, LoopWakeUp
 from conftest import open_descriptors
 
+pytestmark = pytest.mark.both_loops
+
 MS = 1_000_000
 FAR_NS = 3_600_000 * MS
 

@@ -14,6 +14,8 @@ import pytest
 from bus.transport.hangups import HangUps
 from conftest import WAIT_S
 
+pytestmark = pytest.mark.both_loops
+
 Pair = tuple[socket.socket, socket.socket]
 
 

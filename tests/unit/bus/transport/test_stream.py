@@ -18,6 +18,8 @@ from bus.wire.outbox import Outbox
 from bus.wire.session import Role, Session
 from conftest import WAIT_S
 
+pytestmark = pytest.mark.both_loops
+
 MOST_ROOM = int(Path("/proc/sys/net/core/wmem_max").read_text())
 HELLO = m.encode_frame(m.Hello(version=PROTOCOL_VERSION))
 

@@ -20,6 +20,8 @@ from bus.wire.session import MAX_BATCHES, Carried, Role, Session
 from conftest import WAIT_S, open_descriptors
 from feeding import frame_record
 
+pytestmark = pytest.mark.both_loops
+
 HELLO = m.encode_frame(m.Hello(version=PROTOCOL_VERSION))
 PING = m.encode_frame(m.Ping())
 SHARE = m.encode_frame(m.Share())

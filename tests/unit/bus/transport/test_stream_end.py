@@ -14,6 +14,8 @@ from bus.wire.outbox import Outbox
 from bus.wire.session import Role, Session
 from semantics import until
 
+pytestmark = pytest.mark.both_loops
+
 HELLO = m.encode_frame(m.Hello(version=PROTOCOL_VERSION))
 LONG = m.DeclareType(type_name="a/msg/B", type_hash="c", schema=bytes(900 << 10))
 

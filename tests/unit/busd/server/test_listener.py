@@ -20,6 +20,8 @@ from bus.errors import ConfigurationError
 from busd.server.credentials import process_name
 from busd.server.listener import BACKLOG, AlreadyRunning, open_listener
 
+pytestmark = pytest.mark.both_loops
+
 STRANGER = 12345
 as_root = pytest.mark.skipif(os.geteuid() != 0, reason="only root can give a file to another user")
 

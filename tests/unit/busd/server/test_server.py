@@ -19,6 +19,8 @@ from callcount import CallCounter
 from conftest import WAIT_S
 from raw_peer import RawPeer
 
+pytestmark = pytest.mark.both_loops
+
 
 @pytest.fixture
 def listener(tmp_path: Path) -> Iterator[Listener]:

@@ -27,6 +27,8 @@ from conftest import WAIT_S
 from raw_peer import RawPeer
 from semantics import until
 
+pytestmark = pytest.mark.both_loops
+
 LONG_S = 3600
 """Far longer than a test may take. A test that waits for this hangs."""
 
