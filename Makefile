@@ -75,7 +75,9 @@ robot: $(STAMP) ## the lesson's robot: perception, cognition, actuation, monitor
 	@$(BIN)/python examples/robot/main.py $(SECONDS)
 
 test: $(TOOLS) ## the whole test suite (BUS_NATIVE=no: as without the native core)
-	$(if $(PYTEST_ARGS),,@$(MAKE) --no-print-directory --jobs 2 $(if $(filter no,$(BUS_NATIVE)),,native) compiled)
+	@$(MAKE) --no-print-directory --jobs 2 $(if $(PYTEST_ARGS)$(filter no,$(BUS_NATIVE)),,native) suite
+
+suite: $(if $(PYTEST_ARGS),,compiled)
 	$(PYTEST) $(PYTEST_ARGS)
 
 # In a fresh clone pytest compiles the tests: ten seconds, for each worker unless it was done before. If no source has
@@ -264,4 +266,4 @@ clean: ## remove what the other targets made
 	rm -rf $(VENV) $(PEERS:%=.venv-%) build dist tests/native/build benchmarks/floors/build clients/bus/shm/*.so clients/bus_tf2/core/*.so clients/bus_bag/core/*.so *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis .fuzz .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
-.PHONY: help setup demo robot docs test compiled nightly test-nightly test-uptime test-nohup mutants native arm lint sanitize differential fuzz api messages vendor axe foxglove fmt bench-quick bench peers chaos chaos-bridges chaos-ros2 soak bench-compare bench-report wheels test-pythons release-check clean
+.PHONY: help setup demo robot docs test suite compiled nightly test-nightly test-uptime test-nohup mutants native arm lint sanitize differential fuzz api messages vendor axe foxglove fmt bench-quick bench peers chaos chaos-bridges chaos-ros2 soak bench-compare bench-report wheels test-pythons release-check clean

@@ -89,7 +89,7 @@ def begin(
 ) -> Fork | subprocess.Popen[bytes]:
     """Begin a Python program with these standard streams: forked, or in a new interpreter if `is_fresh`.
 
-    A fork that ends in order skips the finalization of modules, except in `make nightly`.
+    A fork that ends with status 0 skips the finalization of modules, except in `make nightly`.
     """
     stdin, stdout, stderr = streams
     if is_fresh or forks is None or not forks.can_run():

@@ -121,7 +121,7 @@ class Forks:
     ) -> Fork:
         """Begin a program in the folder of this process; -1: the stream is /dev/null.
 
-        Without `is_finalized`, a program that ends in order skips Python's finalization of modules. The
+        Without `is_finalized`, a program that ends with status 0 skips Python's finalization of modules. The
         finalization touches, and so copies, all memory shared with the fork: a third of the processor time of
         a busd.
         """
@@ -207,13 +207,16 @@ def _run(words: list[str]) -> None:
 
 
 def _end(code: object) -> None:
-    """End this process as Python does, but without the finalization; Python handles a code that is text."""
-    if code is None or isinstance(code, int):
+    """End this process as Python does, but without the finalization.
+
+    Python handles a failure: a program may end by a signal then, within the finalization.
+    """
+    if not code:
         threading._shutdown()  # type: ignore[attr-defined]  # waits for the threads that are no daemons
         atexit._run_exitfuncs()
         for stream in (sys.stdout, sys.stderr):
             stream.flush()
-        os._exit(code or 0)
+        os._exit(0)
 
 
 if __name__ == "__main__":

@@ -16,6 +16,7 @@ from uuid import uuid4
 import pytest
 
 import cli
+from effort import is_nightly
 from forks import Fork
 
 LIMIT_S = 120.0 * float(os.environ.get("BUSD_TESTS_TIMEOUT_FACTOR", "1"))
@@ -120,9 +121,16 @@ async def _watched(
 
 
 def _begin(words: list[str], output: int, environment: dict[str, str]) -> Fork | subprocess.Popen[bytes]:
-    """Begin a program in a separate session."""
+    """Begin a program in a separate session; finalized as by `cli.begin`."""
     if cli.forks is not None and cli.forks.can_run(environment):
-        return cli.forks.run(words, stdout=output, stderr=output, environment=environment, leads_session=True)
+        return cli.forks.run(
+            words,
+            stdout=output,
+            stderr=output,
+            environment=environment,
+            leads_session=True,
+            is_finalized=is_nightly(),
+        )
     return _begin_command([sys.executable, *words], output, environment)
 
 
