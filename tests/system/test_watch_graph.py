@@ -96,12 +96,13 @@ async def test_who_asks_again_after_a_refusal_is_given_the_graph_though_another_
         return await request(*what)
 
     monkeypatch.setattr(link, "request", refused_once)
-    async with aclosing(node.watch_graph()) as first, aclosing(node.watch_graph()) as second:
-        waiting = asyncio.create_task(anext(second))
-        with pytest.raises(bus.ConfigurationError, match="not now"):
-            await anext(first)
-        async with aclosing(node.watch_graph()) as again:
-            assert same(await anext(again), await waiting)
+    observers, news = link.watch(), asyncio.Event()
+    observers.add(news.set)  # watches still when it has been refused, as a watch may that rests meanwhile
+    await news.wait()
+    assert str(observers.mirror.failure) == "not now"
+    async with aclosing(node.watch_graph()) as again:
+        assert same(await anext(again), observers.mirror.graph)
+    observers.remove(news.set)
 
 
 async def test_who_is_slow_gets_the_newest(node: bus.Node) -> None:
