@@ -22,8 +22,8 @@ PIP    := $(BIN)/python -m pip install -qq --disable-pip-version-check
 SECONDS ?=
 SEED ?=
 PYTEST_ARGS ?=
-# Tests often wait for a process or a period, so three workers a processor keep it busy.
-WORKERS ?= $(shell expr 3 \* $$(nproc))
+# Tests often wait for a process or a period, so four workers a processor keep it busy.
+WORKERS ?= $(shell expr 4 \* $$(nproc))
 # With bytecode kept: to compile the modules anew in each process costs more than most tests.
 PYTEST := PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
 NATIVE_LOG := tests/native/build/short.log

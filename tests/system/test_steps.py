@@ -15,7 +15,9 @@ pytestmark = pytest.mark.usefixtures("daemon")
 by_shared_memory = pytest.mark.parametrize("route", [pytest.param("shm", id="memory")], indirect=True)
 by_socket = pytest.mark.parametrize("route", ["socket"], indirect=True)
 natively = pytest.mark.skipif(not has_core(), reason="the native core was not built")
-on_both_loops = pytest.mark.parametrize("loop", ["uvloop", "asyncio"])
+on_both_loops = pytest.mark.parametrize(
+    "loop", ["uvloop", pytest.param("asyncio", marks=pytest.mark.nightly)]
+)
 
 
 @by_shared_memory
