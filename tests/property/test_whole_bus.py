@@ -25,6 +25,7 @@ from bus.qos import QoSProfile, check_compatible
 from bus.wire import messages as m
 from busd.core.limits import Limits
 from client_world import Client, ClientWorld
+from effort import examples
 
 STORIES = int(os.environ.get("BUSD_TESTS_STORIES", "0"))
 """The number of random stories to play; 0: always the same stories."""
@@ -419,7 +420,7 @@ def test_each_message_is_accounted_for_once(
     monkeypatch.setattr(provoked, "_is_within_bounds", lambda *_: True)  # their bounds are per event loop
 
     @settings(
-        max_examples=STORIES or 60,
+        max_examples=STORIES or examples(180),
         derandomize=not STORIES,
         database=None,
         suppress_health_check=[HealthCheck.too_slow],
@@ -443,7 +444,7 @@ def test_it_is_with_bridges_too(kind: type[Story], steps: list[Any], monkeypatch
     monkeypatch.setattr(provoked, "_is_within_bounds", lambda *_: True)
 
     @settings(
-        max_examples=STORIES or 60,
+        max_examples=STORIES or examples(180),
         derandomize=not STORIES,
         database=None,
         suppress_health_check=[HealthCheck.too_slow],
@@ -469,7 +470,7 @@ def test_lossless_streams_by_both_routes_when_the_bus_comes_back(monkeypatch: py
     subscriptions = [(0, LOSSLESS), (1, LOSSLESS)]
 
     @settings(
-        max_examples=STORIES or 60,
+        max_examples=STORIES or examples(180),
         derandomize=not STORIES,
         database=None,
         suppress_health_check=[HealthCheck.too_slow],
