@@ -160,7 +160,7 @@ template <class T> class subscription {
         : bus_(bus), state_(std::make_shared<state>(std::move(call)))
     {
         busd_subscription *handle = nullptr;
-        busd_callback *called = state_->call ? &subscription::hear : nullptr;
+        busd_callback *called = state_->call ? &subscription::on_message : nullptr;
         detail::check(bus, busd_subscription_create(node, topic.c_str(), message_type<T>::type(), profile.get(), called,
                                                     state_.get(), &handle));
         handle_.reset(handle);
@@ -189,7 +189,7 @@ template <class T> class subscription {
         std::uint64_t undecodable = 0;
         detail::arena arena;
     };
-    static void hear(void *user, const busd_message *raw) noexcept
+    static void on_message(void *user, const busd_message *raw) noexcept
     {
         const auto self = static_cast<state *>(user)->shared_from_this(); // the callback may destroy the subscription
         T message;
@@ -280,8 +280,8 @@ template <class S> class client {
     void call(const request &message, callback call)
     {
         auto kept = std::make_unique<callback>(std::move(call));
-        detail::check_encoded(bus_, service_type<S>::call(handle_.get(), &message, &client::hear, kept.get()));
-        kept.release(); // hear() frees it
+        detail::check_encoded(bus_, service_type<S>::call(handle_.get(), &message, &client::on_answer, kept.get()));
+        kept.release(); // on_answer() frees it
     }
     pending<response> call(const request &message)
     {
@@ -293,7 +293,7 @@ template <class S> class client {
     busd_client *get() const { return handle_.get(); }
 
   private:
-    static void hear(void *user, int status, const char *reason, const busd_message *taken) noexcept
+    static void on_answer(void *user, int status, const char *reason, const busd_message *taken) noexcept
     {
         const std::unique_ptr<callback> kept(static_cast<callback *>(user));
         (*kept)(answer<response>(status, reason, taken));
@@ -349,7 +349,7 @@ template <class S> class server {
     {
         busd_server *handle = nullptr;
         detail::check(bus, busd_server_create(node, name.c_str(), service_type<S>::type(),
-                                              profile ? profile->get() : nullptr, &server::hear, state_.get(), &handle));
+                                              profile ? profile->get() : nullptr, &server::on_request, state_.get(), &handle));
         state_->handle.reset(handle);
     }
     server(server &&) noexcept = default;
@@ -375,7 +375,7 @@ template <class S> class server {
         if (state_)
             state_->handle.reset();
     }
-    static void hear(void *user, busd_server *handle, const busd_call *id, const busd_message *raw) noexcept
+    static void on_request(void *user, busd_server *handle, const busd_call *id, const busd_message *raw) noexcept
     {
         const auto self = static_cast<state *>(user)->shared_from_this(); // the callback may destroy the server
         request message;
