@@ -1,4 +1,6 @@
-"""`python -m mutants [WORD ...]`: breaks one line after the other in a copy of the tree, and runs its tests.
+"""`python -m mutants [WORD ...]`: breaks one line after the other in copies of the tree, and runs its tests.
+
+There is a copy for each processor.
 
 With words: only mutants with one of the words in their file or description. Fails if the tests pass
 nevertheless (the mutant survived) or can't be run, if the line does not exist exactly once, or if the tests
@@ -13,7 +15,9 @@ import sys
 import tempfile
 import time
 import tomllib
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from queue import SimpleQueue
 
 import msgspec
 
@@ -64,17 +68,19 @@ def main(words: list[str]) -> int:
         print(*stale, sep="\n")
         return 1
     with tempfile.TemporaryDirectory() as folder:
-        tree = Path(folder)
-        _copy(tree)
+        first, *others = trees = [Path(folder) / str(number) for number in range(os.cpu_count() or 1)]
+        _copy(first)
         if any(one.is_in_core for one in mutants):
-            _build_core(tree)
+            _build_core(first)
         tests = sorted({test for one in mutants for test in one.tests})
-        if report := _report_of_unbroken(tree, tests):
+        if report := _report_of_unbroken(first, tests):
             print(f"the tests fail on the unbroken tree:\n{report}")
             return 1
-        survivors = [one for one in mutants if not _is_killed(tree, one)]
-    print(f"{len(mutants)} mutants, {len(survivors)} survived")
-    return bool(survivors)
+        for tree in others:
+            shutil.copytree(first, tree)
+        killed = _killed(trees, mutants)
+    print(f"{len(mutants)} mutants, {len(mutants) - killed} survived")
+    return killed < len(mutants)
 
 
 def read() -> list[Mutant]:
@@ -102,6 +108,23 @@ def _copy(tree: Path) -> None:
         shutil.copytree(ROOT / name, tree / name, ignore=ignored)
     for name in _FILES:
         shutil.copy2(ROOT / name, tree)
+
+
+def _killed(trees: list[Path], mutants: list[Mutant]) -> int:
+    """The number of killed mutants. In each tree, one after the other is made."""
+    free: SimpleQueue[Path] = SimpleQueue()
+    for tree in trees:
+        free.put(tree)
+
+    def is_killed(mutant: Mutant) -> bool:
+        tree = free.get()
+        try:
+            return _is_killed(tree, mutant)
+        finally:
+            free.put(tree)
+
+    with ThreadPoolExecutor(len(trees)) as pool:
+        return sum(pool.map(is_killed, mutants))
 
 
 def _is_killed(tree: Path, mutant: Mutant) -> bool:
