@@ -151,10 +151,10 @@ class WholeFrames(Client):
 
 class NoPieces(Client):
     def frames(self) -> list[bytes]:
-        """What is incomplete is dropped."""
-        found = super().frames()
-        self.buffer = b""
-        return found
+        """A read that is not exactly one frame is dropped."""
+        raw, self.buffer = self.buffer, b""
+        is_frame = len(raw) > 4 and int.from_bytes(raw[:4], "little") == len(raw) - 4
+        return [raw[4:]] if is_frame else []
 
 
 class SilentRefusal(Client):
