@@ -19,7 +19,6 @@ from bus.process.address import socket_path
 from bus_cli.main import COMMANDS, module_of
 from bus_cli.query import Query
 from conftest import WAIT_S
-from effort import is_nightly
 from forks import Fork, Forks
 from neighbours import wait_until
 
@@ -96,8 +95,7 @@ def begin(
         command = [sys.executable, *words]
         return subprocess.Popen(command, cwd=folder, stdin=stdin, stdout=stdout, stderr=stderr)
     with chdir(folder or Path.cwd()):
-        is_finalized = is_nightly()
-        return forks.run(words, stdin=stdin, stdout=stdout, stderr=stderr, is_finalized=is_finalized)
+        return forks.run(words, stdin=stdin, stdout=stdout, stderr=stderr)
 
 
 class Running:

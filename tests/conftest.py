@@ -19,7 +19,7 @@ import pytest
 
 import inherited_signals
 from bus import shm
-from effort import DAILY, NIGHTLY, is_nightly
+from effort import DAILY, NIGHTLY
 from forks import Fork, Forks
 
 # If a test is slow, the cause is the machine. Nightly runs have more examples, different ones each time.
@@ -73,7 +73,7 @@ class Daemon:
             if self.forks is None or not self.forks.can_run():
                 process = subprocess.Popen([sys.executable, *words], stderr=log)
             else:
-                process = self.forks.run(words, stderr=log.fileno(), is_finalized=is_nightly())
+                process = self.forks.run(words, stderr=log.fileno())
         self._wait_until_ready(process)
         return process
 

@@ -117,14 +117,18 @@ class Forks:
         stderr: int = -1,
         environment: Mapping[str, str] = os.environ,
         leads_session: bool = False,
-        is_finalized: bool = True,
+        is_finalized: bool | None = None,
     ) -> Fork:
         """Begin a program in the folder of this process; -1: the stream is /dev/null.
 
         Without `is_finalized`, a program that ends with status 0 skips Python's finalization of modules. The
         finalization touches, and so copies, all memory shared with the fork: a third of the processor time of
-        a busd.
+        a busd. None: finalized in `make nightly` only.
         """
+        if is_finalized is None:
+            from effort import is_nightly  # here, because the forking process must not load hypothesis
+
+            is_finalized = is_nightly()
         order = Order(list(words), dict(environment), str(Path.cwd()), leads_session, is_finalized)
         nothing = os.open(os.devnull, os.O_RDWR | os.O_CLOEXEC)
         try:

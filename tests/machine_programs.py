@@ -10,7 +10,6 @@ from collections.abc import Mapping
 from importlib.util import find_spec
 from typing import IO, Any
 
-from effort import is_nightly
 from forks import Fork, Forks
 from netns import Machine
 
@@ -62,9 +61,7 @@ def begin_on(
         if machine is not None:
             words = ["-c", _THERE, str(machine.pid), module, *arguments]
         number = output.fileno()
-        return _forks.run(
-            words, stdout=number, stderr=number, environment=environment, is_finalized=is_nightly()
-        )
+        return _forks.run(words, stdout=number, stderr=number, environment=environment)
     prefix = machine.prefix if machine else ()
     return subprocess.Popen(
         [*prefix, sys.executable, *words],

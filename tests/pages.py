@@ -118,9 +118,7 @@ def _begin(command: list[str], folder: Path, output: int) -> Fork | subprocess.P
     is_fork = name in ("busd", "bus") or (name == "python" and not is_nightly())
     if is_fork and cli.forks and cli.forks.can_run(environment):
         with chdir(folder):
-            return cli.forks.run(
-                words, stdout=output, stderr=output, environment=environment, is_finalized=is_nightly()
-            )
+            return cli.forks.run(words, stdout=output, stderr=output, environment=environment)
     return subprocess.Popen(
         [sys.executable if name in PROGRAMS else name, *words],
         cwd=folder,

@@ -16,7 +16,6 @@ from uuid import uuid4
 import pytest
 
 import cli
-from effort import is_nightly
 from forks import Fork
 
 LIMIT_S = 120.0 * float(os.environ.get("BUSD_TESTS_TIMEOUT_FACTOR", "1"))
@@ -129,7 +128,6 @@ def _begin(words: list[str], output: int, environment: dict[str, str]) -> Fork |
             stderr=output,
             environment=environment,
             leads_session=True,
-            is_finalized=is_nightly(),
         )
     return _begin_command([sys.executable, *words], output, environment)
 

@@ -23,7 +23,7 @@ C = TypeVar("C")
 
 
 class CallingClient(ABC, Generic[C]):
-    """A client in ROS 2; `name` is that of its service, for texts. A call that was sent is a `C`."""
+    """A client in ROS 2. Texts call its service `name`. A call that was sent is a `C`."""
 
     def __init__(self, name: str, turns: Turns) -> None:
         self._name = name
