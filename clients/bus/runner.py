@@ -39,6 +39,8 @@ def run(main: Coroutine[Any, Any, T]) -> T:
     SIGPIPE does the same if the program writes, by `print` or a logger, to a pipe that no process reads any
     more, as after `| head -1`. Other broken pipes and sockets raise BrokenPipeError only.
 
+    `sys.exit` in any task or callback ends the program with that status and no traceback.
+
     If no busd answers and none may be started, or the command line or a variable as BUSD_DOMAIN can't be
     used, the program ends with one line that says so.
 
@@ -99,6 +101,7 @@ def _run(main: Coroutine[Any, Any, T]) -> T:
         handles_pipe = is_main and signal.getsignal(signal.SIGPIPE) is signal.SIG_IGN
         is_frozen = gc.get_freeze_count() > _PYTHONS_OWN  # by the program: these objects must stay frozen
         with asyncio.Runner(loop_factory=loop_factory()) as runner:
+            runner.get_loop().set_exception_handler(_report)
             if not is_frozen:
                 gc.freeze()  # imported objects stay, so no collection needs to check them
                 keep_frozen(True)
@@ -128,6 +131,15 @@ def _run(main: Coroutine[Any, Any, T]) -> T:
         if not is_frozen:
             keep_frozen(False)
             gc.unfreeze()  # else Python would not find open files, to flush them
+
+
+def _report(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+    """Report an error as asyncio does, but not the SystemExit of a task: it has already ended the run.
+
+    A program's own signal handler may raise it in any task, those of `bus` included.
+    """
+    if not isinstance(context.get("exception"), SystemExit):
+        loop.default_exception_handler(context)
 
 
 def _check(main: Any) -> None:

@@ -120,6 +120,24 @@ bus.run(main())
 
 
 @on_one_loop
+async def test_sys_exit_in_a_task(tmp_path: Path) -> None:
+    """As if the handler of the test above had interrupted a task of `bus`, for example one of a node."""
+    text = f"""{NATIVE}
+async def leave():
+    await asyncio.sleep(0.001)
+    sys.exit(7)
+
+async def begin():
+    asyncio.create_task(leave())
+    await main()
+
+bus.run(begin())
+"""
+    async with running(tmp_path, script(tmp_path, text)) as program:
+        assert (await program.end(), [line for line in program.lines if "Traceback" in line]) == (7, [])
+
+
+@on_one_loop
 async def test_errors_are_told_as_ever_after_ctrl_c(tmp_path: Path) -> None:
     text = f"""{NATIVE}
 try:
