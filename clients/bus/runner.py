@@ -60,12 +60,15 @@ def run(main: Coroutine[Any, Any, T]) -> T:
 
 
 def _run(main: Coroutine[Any, Any, T]) -> T:
-    end: type[KeyboardInterrupt] | None = None
+    # Until the task begins, only Ctrl-C cancels it. asyncio itself forgets a Ctrl-C that comes at once.
+    end: type[KeyboardInterrupt] | None = KeyboardInterrupt
     is_over = False
 
     async def until_signal() -> T:
+        nonlocal end
         if is_over:
             raise asyncio.CancelledError
+        end = None
         loop, task = asyncio.get_running_loop(), asyncio.current_task()
         assert task is not None
 

@@ -5,6 +5,7 @@ Owns: the terminal, and the node. `bus_turtlesim.keys` defines the meaning of ke
 
 import os
 import select
+import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -89,7 +90,14 @@ def _read(node: TeleopTurtle, end: int) -> None:
     keys, terminal = Keys(LETTERS, ARROWS), sys.stdin.fileno()
     with _key_by_key(terminal):
         print(_HELP, flush=True)
-        while end not in select.select([terminal, end], [], [])[0]:
+        while True:
+            ready = select.select([terminal, end], [], [])[0]
+            if end in ready:
+                os.read(end, 64)
+                if not rclpy.ok():
+                    return
+            if terminal not in ready:
+                continue
             data = os.read(terminal, 64)
             if not data:
                 return
@@ -101,12 +109,17 @@ def _read(node: TeleopTurtle, end: int) -> None:
 
 @contextmanager
 def _ended() -> Iterator[int]:
-    """A descriptor that can be read from once rclpy has ended: SIGTERM interrupts no `select`."""
-    end, begin = os.pipe()
+    """A descriptor that can be read from after each signal, and once rclpy has ended.
+
+    SIGTERM does not end `select`, and a signal that comes just before `select` does not even interrupt it.
+    """
+    end, begin = os.pipe2(os.O_CLOEXEC | os.O_NONBLOCK)
+    before = signal.set_wakeup_fd(begin, warn_on_full_buffer=False)
     try:
         rclpy.get_default_context().on_shutdown(lambda: _notify(begin))
         yield end
     finally:
+        signal.set_wakeup_fd(before)
         os.close(end)  # `begin` stays open: the callback writes to it at the very end
 
 

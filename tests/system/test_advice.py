@@ -46,32 +46,44 @@ def stalled(graph: Graph) -> bool:
 
 @pytest.fixture
 def missed(daemon: Daemon) -> Iterator[int]:
-    """How many messages the controller has missed in a row, while the talker goes on."""
+    """How many messages the controller has missed in a row at least, while the talker goes on.
+
+    On a busy machine it may stand still again, for a shorter or a longer time.
+    """
     with script(STALLER), script(TALKER, "0.005"):
         yield counters(wait_for_graph(stalled)).most_missed
 
 
 def test_topic_info(missed: int) -> None:
-    needed = 5 + missed
     told = json.loads(bus("topic", "info", "-v", "/topic", "--json").out)["subscriptions"][0]
-    assert (told["most_missed"], told["dropped"]) == (missed, {"replaced": missed}), "it stood still once"
+    most = told["most_missed"]
+    assert told["dropped"].keys() == {"replaced"}
+    assert missed <= most <= told["dropped"]["replaced"]
     found = re.fullmatch(
-        rf"depth 5 at (\d+) Hz holds (\d+) ms; the longest stall was (\d+) ms: depth {needed}", told["advice"]
+        rf"depth 5 at (\d+) Hz holds (\d+) ms; the longest stall was (\d+) ms: depth {5 + most}",
+        told["advice"],
     )
     assert found is not None, told["advice"]
     hz, holds_ms, stall_ms = map(int, found.groups())
     assert holds_ms == pytest.approx(5000 / hz, rel=0.05)
-    assert stall_ms == pytest.approx(needed * 1000 / hz, rel=0.05)
-    assert re.search(
-        rf"\nExpected: \d+\nAdvice: depth 5 at .*: depth {needed}\n", bus("topic", "info", "-v", "/topic").out
-    )
+    assert stall_ms == pytest.approx((5 + most) * 1000 / hz, rel=0.05)
+    out = bus("topic", "info", "-v", "/topic").out
+    shown = re.search(r"\nExpected: \d+\nAdvice: depth 5 at .*: depth (\d+)\n", out)
+    assert shown is not None and int(shown[1]) >= 5 + most, out
 
 
 def test_doctor(missed: int) -> None:
     result = bus("doctor", "--live", "--exclude-packages")
-    assert re.search(
-        rf"\[warn\] losses: /topic: /controller has lost {missed} messages \(replaced\)\n"
-        rf"       -> depth 5 at \d+ Hz holds \d+ ms; the longest stall was \d+ ms: depth {5 + missed}\n"
-        r"\[ ok \] losses: \d+ subscriptions?, none lost a message in 3 s\n",
+    found = re.search(
+        r"\[warn\] losses: /topic: /controller (.*) \(replaced\)\n"
+        r"       -> depth 5 at \d+ Hz holds \d+ ms; the longest stall was \d+ ms: depth (\d+)\n(.*)\n",
         result.out,
-    ), result.out
+    )
+    assert found is not None, result.out
+    said, depth, after = found.groups()
+    assert int(depth) >= 5 + missed
+    if lost := re.fullmatch(r"has lost (\d+) messages", said):
+        assert int(lost[1]) >= missed
+        assert re.fullmatch(r"\[ ok \] losses: \d+ subscriptions?, none lost a message in 3 s", after)
+    else:
+        assert re.fullmatch(r"loses [\d.]+ messages a second", said), said  # it stood still again

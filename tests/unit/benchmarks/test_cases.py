@@ -1,7 +1,9 @@
 """benchmarks/: each system at each size, the choice of the best system, and losses that a system may have."""
 
 import os
+import sys
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
@@ -10,6 +12,7 @@ from benchmarks import bulk, copying, cost, facade, fanout, foreign, goals, grow
 from benchmarks.cases import Figures, Outcome
 from benchmarks.figures import best
 from benchmarks.harness import START_S, Failure, Group
+from benchmarks.installed import Installed
 from benchmarks.plan import SIZES, Plan
 from benchmarks.report import Section
 from benchmarks.systems import (
@@ -126,6 +129,7 @@ def measured(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Work]]:
     for name in ("measure_lossy", "measure_start"):
         monkeypatch.setattr(facade, name, measure)
     monkeypatch.setattr(facade, "measure_round_trips", lambda *_: {"p50": 1.0})
+    monkeypatch.setattr(facade, "installed", lambda: nullcontext(Installed(sys.executable)))
     for name in ("measure_codec", "measure_copying"):
         module = throughput if name == "measure_codec" else copying
         monkeypatch.setattr(module, name, lambda *_: {"per_s": 1.0, "bytes_per_s": 1.0})
@@ -262,7 +266,9 @@ def test_goals_name_cases_of_the_other_sections_too() -> None:
     names = {
         "fanout": {fanout.name_of(system, number) for system in (BUS, ICEORYX) for number in (8, 16)},
         "growth": {step.name for step in growth.steps(THOROUGH)},
-        "startup": {f"first message, {system.name}" for system in (BUS, PYZMQ)},
+        "startup": {
+            f"first message{of}, {system.name}" for of in ("", " of a listener") for system in (BUS, PYZMQ)
+        },
     }
     for goal in goals.GOALS:
         if goal.section in names:

@@ -83,3 +83,30 @@ bus.run(main())
 """
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stdout, done.stderr) == (-signal.SIGINT, "", "")
+
+
+def test_a_ctrl_c_that_asyncio_forgets_is_silent() -> None:
+    """asyncio's runner installs its handler and then sets its number of Ctrl-C to 0: one in between cancels
+    the task, but raises no KeyboardInterrupt.
+    """
+    program = """
+import asyncio, functools, signal
+import bus
+
+signal.signal(signal.SIGINT, signal.default_int_handler)
+install = signal.signal
+
+def install_and_interrupt(number, handler):
+    before = install(number, handler)
+    if isinstance(handler, functools.partial):
+        signal.raise_signal(number)
+    return before
+
+async def main():
+    print("main begins")
+
+signal.signal = install_and_interrupt
+bus.run(main())
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout, done.stderr) == (-signal.SIGINT, "", "")
