@@ -233,7 +233,8 @@ peers: $(PEERS:%=.venv-%/.peers) ## ROS 2's own rclpy into .venv-jazzy and .venv
 	@echo "installing a peer ($*) into .venv-$*: half a minute to three minutes, 270 MB at most"
 	@mkdir -p $(@D)
 	@{ $(BIN)/python -m venv $(@D) \
-			&& $(@D)/bin/python -m pip install -qq --disable-pip-version-check --no-compile --requirement $<; } \
+			&& $(@D)/bin/python -m pip install -qq --disable-pip-version-check --no-compile --requirement $< \
+			$(if $(filter zeros,$*),&& CYDR_CACHE_DIR=$(CURDIR)/$(@D)/codecs $(@D)/bin/python tests/peers/programs/zeros.py); } \
 		|| echo "the peer ($*) can't be installed (rclpy has packages for x86_64 and Python 3.10 to 3.14 only):" \
 			"what needs it says so"
 	@touch $@

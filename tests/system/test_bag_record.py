@@ -160,7 +160,7 @@ class TestFaults:
                     for begin in range(0, count, 3):
                         speaker.say("/topic", *range(begin, begin + 3))
                         if begin == 300:
-                            wait_until(bag.texts_now)
+                            wait_until(lambda bag=bag: len(bag.texts_now()) >= 300)
                     recorder.process.kill()
                     recorder.process.wait(WAIT_S)
                 texts = bag.texts_now()

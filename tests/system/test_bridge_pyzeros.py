@@ -20,7 +20,9 @@ pytestmark = pytest.mark.skipif(not has_pyzeros, reason="pyzeros is not installe
 
 def zeros(ros: Ros) -> Peer:
     command = (str(PYTHON), str(PROGRAMS / "zeros.py"), "zeros", ros.router.address, str(ros.domain))
-    return Peer(command, {"PYTHONPATH": ""}, ros.side.machine)
+    # `make peers` has compiled its codecs there: that takes half a minute.
+    codecs = str(PYTHON.parents[1] / "codecs")
+    return Peer(command, {"PYTHONPATH": "", "CYDR_CACHE_DIR": codecs}, ros.side.machine)
 
 
 @on_one_loop

@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from conftest import Daemon
+from conftest import WAIT_S, Daemon
 from effort import examples
 from neighbours import wait_until, with_limits
 from nursery import Actor, Nursery, cpu_ticks, holdings, private_bytes, settle, until_alone, until_equal
@@ -272,6 +272,9 @@ class TestSubscriptions:
 
 class TestBroker:
     @by_shared_memory
+    @with_limits(
+        lease_s=WAIT_S
+    )  # no publisher may go on without the stopped listeners, however busy the machine is
     def test_while_it_is_dead_messages_flow(
         self, daemon: Daemon, nursery: Nursery, moment: Callable[..., None], chance: random.Random
     ) -> None:

@@ -11,9 +11,11 @@ from pathlib import Path
 import pytest
 
 import bus
+import c_programs
 from bus.msg.std_msgs import String
 from conftest import WAIT_S
-from semantics import until
+from programs import on_one_loop, running_command
+from semantics import LATCHED, until
 
 TALKER = """
 import sys
@@ -32,13 +34,19 @@ with bus.connect("talker", arguments=[]) as node:
 
 
 @pytest.fixture(params=["ahead", "behind"])
-def talker(request: pytest.FixtureRequest, daemon: object) -> Iterator["subprocess.Popen[str]"]:
-    """Publishes the lines of its stdin. Its clock is off by more than its lifespan, or by half an uptime."""
+def inside(request: pytest.FixtureRequest) -> tuple[str, ...]:
+    """Runs a command whose clock is off by more than its lifespan, or by half an uptime."""
     uptime_s = float(Path("/proc/uptime").read_text().split()[0])
     offset_s = 86_400 if request.param == "ahead" else -int(uptime_s / 2)
     inside = ("unshare", "--fork", "--kill-child", "--time", "--monotonic", str(offset_s))
     if subprocess.run([*inside, "true"], capture_output=True, check=False).returncode:
         pytest.skip("a time namespace needs root and unshare")
+    return inside
+
+
+@pytest.fixture
+def talker(inside: tuple[str, ...], daemon: object) -> Iterator["subprocess.Popen[str]"]:
+    """Publishes the lines of its stdin."""
     command = [*inside, sys.executable, "-c", TALKER]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None and process.stdin is not None
@@ -77,3 +85,47 @@ async def test_ages_of_a_callback(route: str, talker: "subprocess.Popen[str]") -
             await until(lambda number=number: str(number) in heard)
         counted = subscription.statistics()
         assert counted.age_count and 0 < counted.age_max_ns < WAIT_S * 1e9
+
+
+@on_one_loop
+async def test_a_late_joiner_of_a_publisher_in_c(
+    route: str,
+    inside: tuple[str, ...],
+    daemon: object,
+    tmp_path_factory: pytest.TempPathFactory,
+    tmp_path: Path,
+) -> None:
+    """It gets as many messages of the history as with one clock."""
+    command = (
+        *inside,
+        str(c_programs.build_once(tmp_path_factory) / "peer"),
+        "talk",
+        "/topic",
+        "9",
+        "latched",
+        "depth=3",
+    )
+    async with running_command(tmp_path, *command) as program, bus.Node("late") as node:
+        await program.line("^published$")
+        subscription = await node.create_subscription(String, "/topic", LATCHED)
+        assert [(await subscription.receive())[0].data.split()[0] for _ in range(3)] == ["6", "7", "8"]
+
+
+@on_one_loop
+async def test_a_subscription_in_c(
+    route: str,
+    inside: tuple[str, ...],
+    daemon: object,
+    tmp_path_factory: pytest.TempPathFactory,
+    tmp_path: Path,
+) -> None:
+    """Messages with a lifespan reach it, and it gets the right history."""
+    command = (*inside, str(c_programs.build_once(tmp_path_factory) / "peer"), "listen", "/topic", "latched")
+    qos = bus.QoSProfile(3, durability=bus.Durability.TRANSIENT_LOCAL, lifespan=WAIT_S)
+    async with bus.Node("early") as node:
+        publisher = await node.create_publisher(String, "/topic", qos)
+        for number in range(9):
+            publisher.publish(String(data=f"{number} "))
+        async with running_command(tmp_path, *command) as program:
+            await program.line("^8 ")
+            assert [line[:2] for line in program.lines if line[0].isdigit()] == ["6 ", "7 ", "8 "]

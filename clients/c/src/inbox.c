@@ -114,7 +114,7 @@ int inbox_run(busd_subscription *sub, const unsigned char *body, size_t size, un
         sample->source = source;
         sample->seq = seq;
         sample->publisher = number;
-        sample->stamp_ns = stamp_ns;
+        sample->stamp_ns = source == NULL ? stamp_ns : (int64_t)((uint64_t)stamp_ns - source->clock_ns);
         sample->is_replay = (flags & FLAG_REPLAY) != 0;
         if (source != NULL)
             source->last_seq = seq;

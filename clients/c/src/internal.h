@@ -194,6 +194,7 @@ struct source {
     struct source *next;
     unsigned char gid[16];
     uint64_t number, lifespan_ns;
+    uint64_t clock_ns;             /* lead of the publisher's clock over ours, modulo 2^64 */
     uint64_t last_seq;             /* received */
     uint64_t taken_seq, acked_seq; /* by socket */
     uint64_t unacked_bytes;

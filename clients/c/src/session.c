@@ -179,11 +179,26 @@ static void take_timers(busd_bus *bus)
 
 /* --- connecting */
 
+/* How far this clock is ahead of the machine's first time namespace; 0 without time namespaces. */
+static int64_t clock_offset_ns(void)
+{
+    FILE *file = fopen("/proc/self/timens_offsets", "re");
+    char name[32];
+    long long seconds, nanoseconds;
+    int64_t offset_ns = 0;
+    while (file != NULL && fscanf(file, "%31s %lld %lld", name, &seconds, &nanoseconds) == 3)
+        if (strcmp(name, "monotonic") == 0)
+            offset_ns = seconds * SECOND_NS + nanoseconds;
+    if (file != NULL)
+        fclose(file);
+    return offset_ns;
+}
+
 static int say_hello(busd_bus *bus)
 {
     static const char *const capabilities[] = {"leaving", "namesakes", "silence"};
     busd_out out;
-    control_begin(&out, "hello", 4);
+    control_begin(&out, "hello", 5);
     field_number(&out, "version", 1);
     busd_put_text(&out, "capabilities", strlen("capabilities"));
     busd_put_array(&out, 3);
@@ -191,6 +206,8 @@ static int say_hello(busd_bus *bus)
         busd_put_text(&out, capabilities[i], strlen(capabilities[i]));
     field_number(&out, "pid", (uint64_t)bus->pid);
     field_text(&out, "program", bus->program);
+    busd_put_text(&out, "clock_ns", strlen("clock_ns"));
+    busd_put_int(&out, clock_offset_ns());
     return control_send(bus, &out, NULL, 0);
 }
 

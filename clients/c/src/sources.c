@@ -220,7 +220,7 @@ static const char *attach(busd_subscription *sub, struct source *source, busd_in
     source->newest = ring->map;
     feed_attach(feed, &ring->ring, seat->slot, random_number());
     feed->lifespan_ns = source->lifespan_ns;
-    feed->clock_ns = busd_find_number(body, "clock_ns", 0);
+    feed->clock_ns = source->clock_ns;
     const uint64_t at_ns = busd_find_number(body, "at_ns", 0);
     uint64_t old = 0, seq = feed_find(feed, at_ns, history_of(sub, qos), &old);
     if (source->last_seq != 0)
@@ -270,6 +270,7 @@ void subscription_matched(busd_subscription *sub, busd_in body, busd_in qos, con
     const bool is_tap = busd_find_number(body, "is_tap", 0) != 0; /* read now: a callback can replace the received bytes */
     const double lifespan_s = busd_find_real(qos, "lifespan", 0);
     source->number = busd_find_number(body, "other", 0);
+    source->clock_ns = busd_find_number(body, "clock_ns", 0);
     source->lifespan_ns = lifespan_s > 0 && lifespan_s < 1e9 ? (uint64_t)(lifespan_s * 1e9) : 0;
     source->is_lossless = sub->end.is_lossless && busd_find_is(qos, "history", "keep_all")
                           && !busd_find_is(qos, "reliability", "best_effort");

@@ -1,6 +1,7 @@
 """A node of pyzeros, which speaks rmw_zenoh's protocol: `python zeros.py NAME ROUTER DOMAIN`.
 
-It publishes numbers on /theirs, hears /ours, serves /theirs_set, and calls /ours_set when told so.
+It publishes numbers on /theirs, hears /ours, serves /theirs_set, and calls /ours_set when told so. Without
+arguments it only compiles the codecs of its types, which pyzeros does at their first use, in half a minute.
 """
 
 import asyncio
@@ -12,6 +13,7 @@ from typing import Any
 import pyzeros
 import zenoh
 from orders import serve, tell
+from pyzeros.builtin_msgs import Attachment
 from ros2_pyterfaces.cydr.all_msgs import String
 from ros2_pyterfaces.cydr.all_srvs import SetBool
 
@@ -82,7 +84,15 @@ class Peer:
         self._session.close()
 
 
+def compile_codecs() -> None:
+    for one in (String, SetBool.Request, SetBool.Response, Attachment):
+        one().serialize()
+
+
 def main() -> None:
+    if len(sys.argv) == 1:
+        compile_codecs()
+        return
     peer = Peer(sys.argv[1], sys.argv[2], int(sys.argv[3]))
     serve({"send": peer.send, "call": peer.call})
     peer.close()

@@ -141,7 +141,7 @@ void busd_publisher_destroy(busd_publisher *publisher);
 typedef struct busd_message {
     const void *data;
     size_t size;
-    int64_t stamp_ns;   /* of publishing, CLOCK_MONOTONIC */
+    int64_t stamp_ns;   /* of publishing, by this process's CLOCK_MONOTONIC */
     int64_t source_ns;  /* wall clock, from the message's source; 0: none */
     uint64_t seq;       /* of its publisher, from 1 on */
     uint64_t publisher; /* busd's number of it */
