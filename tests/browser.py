@@ -65,6 +65,16 @@ class Page:
         features = [{"name": "prefers-color-scheme", "value": name}]
         self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": features})
 
+    @contextmanager
+    def window(self, width: int, height: int) -> Iterator[None]:
+        """A window of that size in pixels, as on a phone, until the end of the block."""
+        size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": True}
+        self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+        try:
+            yield
+        finally:
+            self.driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+
     def console(self) -> list[str]:
         """Messages of the console since the last call."""
         return [f"{line['level']} {line['message']}" for line in self.driver.get_log("browser")]

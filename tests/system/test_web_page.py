@@ -22,6 +22,7 @@ from web_clients import LOSER, Serving, serving
 
 ROBOT = ("perception", "cognition", "actuation", "monitoring")
 TOPICS = {"/camera/image_raw", "/imu/data", "/joint_states", "/cmd_vel", "/cmd_vel_applied", "/health"}
+LAYOUTS = Path(__file__).parents[1] / "graph_layouts.js"
 NUMBER = '#detail .value[aria-label*="linear_acceleration.x"]'
 CROWD = """
 import asyncio, sys, bus
@@ -72,6 +73,15 @@ bus.run(main())
 """
 
 
+IS_SEEN = """
+const around = document.querySelector("#graph").getBoundingClientRect(), box = one.getBoundingClientRect();
+return box.left >= around.left && box.right <= around.right
+  && box.top >= around.top && box.bottom <= around.bottom;
+"""
+SEEN = f"const one = document.querySelector(arguments[0]); if (!one) return false; {IS_SEEN}"
+"""Whether a box of the graph is in the part that has been scrolled to."""
+
+
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Page]:
     need_chromium()
@@ -115,6 +125,11 @@ def names(page: Page, kind: str) -> set[str]:
 def choose(page: Page, topic: str) -> None:
     page.press(f'g.topic[data-topic="{topic}"]')
     page.wait(f"return document.getElementById('detail-title').textContent === '{topic}'")
+
+
+def cell(column: str) -> str:
+    """A script: the text of the cell of /topic in that column."""
+    return f'return document.querySelector(\'tr[data-topic="/topic"] [data-column="{column}"]\').textContent'
 
 
 def test_the_robot(robot: None, server: Serving, page: Page) -> None:
@@ -164,21 +179,20 @@ def test_what_a_subscription_loses_is_red_and_counted(server: Serving, page: Pag
             page.wait(f"return document.querySelector('{edge}')?.classList.contains('losing')")
             line = f"getComputedStyle(document.querySelector('{edge} path')).stroke"
             assert page.run(f"return {line}") == "rgb(179, 20, 11)"
-            cells = (
-                "[...document.querySelectorAll('tr[data-topic=\"/topic\"] td')].map(one => one.textContent)"
-            )
-            page.wait(f"return {cells}[11]", fits=lambda text: text == "now: replaced")
-            assert page.run(f"return {cells}[7]").endswith("/2")
-        page.wait(f"return {cells}[11]", fits=lambda text: text == "replaced")
+            page.wait(cell("Why"), fits=lambda text: text == "now: replaced")
+            assert page.run(cell("Queue")).endswith("/2")
+        page.wait(cell("Why"), fits=lambda text: text == "replaced")
 
         def lost() -> str:
             info = bus("topic", "info", "-v", "/topic").out
             number = info.partition("Endpoint type: SUBSCRIPTION")[2].partition("Dropped: ")[2].split()[0]
             return f"{int(number):,}".replace(",", "\N{NO-BREAK SPACE}")
 
-        shown = f"return document.querySelector('{edge} text')?.textContent"
+        shown = (
+            "return document.querySelector('g.label[data-edge=\"subscription /topic\"] text')?.textContent"
+        )
         page.wait(shown, fits=lambda text: text == f"lost {lost()}")
-        page.wait(f"return {cells}[10]", fits=lambda text: text == lost())
+        page.wait(cell("Lost"), fits=lambda text: text == lost())
 
 
 def _has_lost(one: GraphEndpoint) -> bool:
@@ -190,7 +204,8 @@ def test_losses_have_a_past_that_survives_a_restart_of_busd(
 ) -> None:
     row = "document.querySelector('tr[data-topic=\"/topic\"]')"
     strip = f"{row}?.querySelector('.strip')?.getAttribute('d')"
-    lost = f"return Number({row}?.querySelectorAll('td')[10].textContent.replaceAll('\\u00a0', '') ?? -1)"
+    number = "querySelector('[data-column=\"Lost\"]').textContent.replaceAll('\\u00a0', '')"
+    lost = f"return Number({row}?.{number} ?? -1)"
     with script(LOSER):
         page.open(server.page)
         with script(TALKER, "0.01"):
@@ -207,7 +222,7 @@ def test_losses_have_a_past_that_survives_a_restart_of_busd(
         page.run(
             f"""window.least = Infinity; window.wasLosing = false;
             const see = () => {{ const one = {row}; if (one) {{
-                const shown = Number(one.querySelectorAll('td')[10].textContent.replaceAll('\\u00a0', ''));
+                const shown = Number(one.{number});
                 window.least = Math.min(window.least, shown);
                 window.wasLosing ||= one.classList.contains('losing'); }} }};
             const all = {{ subtree: true, childList: true, attributes: true, characterData: true }};
@@ -237,9 +252,9 @@ def test_routes_and_what_does_not_match(
         assert kinds == ["edge,grey", "edge,socket"]
         line = f"{edges}.find(one => one.matches('.socket')).querySelector('path')"
         assert page.run(f"return getComputedStyle({line}).strokeDasharray") == "7px, 4px"
-        texts = page.run(f"return {edges}.map(one => one.querySelector('text').textContent)")
+        texts = page.texts('g.label[data-edge="subscription /topic"] text')
         assert sorted(texts) == ["", "no match"]
-        assert page.texts('tr[data-topic="/topic"] td:last-child') == ["no match"]
+        assert page.texts('tr[data-topic="/topic"] [data-column="Why"]') == ["no match"]
         choose(page, "/topic")
         page.wait("return document.querySelectorAll('.mismatches li').length", fits=lambda count: count == 1)
         assert page.texts(".mismatches li") == [
@@ -352,9 +367,27 @@ def test_two_hundred_nodes_and_a_thousand_topics(server: Serving, page: Page) ->
         assert page.texts("#pages span") == [" page 1 of 10 "]
         drawn_s = page.run("return performance.getEntriesByName('first graph')[0].startTime") / 1000
         assert drawn_s < 10, "some 0.5 s on a machine with nothing else to do"
+        page.press('tr[data-topic="/topic_143"] button')
+        page.wait(SEEN, "g.topic.chosen")
+        assert page.run("return document.querySelector('.map').checkVisibility()"), "only a part is in sight"
+        page.run("document.querySelector('#graph').scrollTo(0, 0)")
+        assert not page.run(SEEN, "g.topic.chosen"), "the user may scroll away"
+        page.press('.zoom button[title^="Fit"]')
+        page.wait(f"return [...document.querySelectorAll('g.topic, g.node')].every(one => {{ {IS_SEEN} }})")
+        assert not page.run("return document.querySelector('.map').checkVisibility()")
+        page.press('.zoom button[title^="Larger"]')
+        page.wait("return document.querySelector('.map').checkVisibility()")
         page.run("document.getElementById('filter').value = 'topic_77';"
                  "document.getElementById('filter').dispatchEvent(new Event('input'))")  # fmt: skip
         page.wait("return document.querySelectorAll('tbody tr').length", fits=lambda count: count == 11)
+
+
+FAULTS = """
+const done = arguments[arguments.length - 1];
+axe.run(document, {runOnly: ['wcag2a', 'wcag2aa', 'wcag21a', 'wcag21aa', 'best-practice']})
+  .then(result => done(result.violations.map(one => [one.impact, one.id,
+    one.nodes.slice(0, 3).map(node => node.target.join() + ': ' + node.failureSummary)])))
+"""
 
 
 def test_access_and_looks(robot: None, server: Serving, page: Page, tmp_path: Path) -> None:
@@ -377,14 +410,12 @@ def test_access_and_looks(robot: None, server: Serving, page: Page, tmp_path: Pa
         for scheme in ("light", "dark"):
             page.scheme(scheme)
             page.picture(folder / f"look-{scheme}.png")
-            found[scheme] = page.driver.execute_async_script(
-                "const done = arguments[arguments.length - 1];"
-                "axe.run(document, {runOnly: ['wcag2a', 'wcag2aa', 'wcag21a', 'wcag21aa', 'best-practice']})"
-                ".then(result => done(result.violations.map(one => [one.impact, one.id,"
-                " one.nodes.slice(0, 3).map(node => node.target.join() + ': ' + node.failureSummary)])))"
-            )
+            found[scheme] = page.driver.execute_async_script(FAULTS)
+        with page.window(390, 844):
+            page.picture(folder / "look-phone.png")
+            found["phone"] = page.driver.execute_async_script(FAULTS)
         page.scheme("light")
-        assert found == {"light": [], "dark": []}
+        assert found == {"light": [], "dark": [], "phone": []}
 
 
 def test_another_start_asks_for_its_address(daemon: Daemon, page: Page) -> None:
@@ -396,3 +427,53 @@ def test_another_start_asks_for_its_address(daemon: Daemon, page: Page) -> None:
         page.wait("return document.getElementById('state').textContent.includes('has restarted')")
     page.open("about:blank")
     assert all("403" in line or "refused" in line.lower() or "ERR_" in line for line in page.console())
+
+
+def test_a_phone(server: Serving, page: Page) -> None:
+    """Its 390 pixels show the columns about losses. The details are a sheet that hides nothing for good."""
+    from selenium.webdriver.common.action_chains import ActionChains
+    from selenium.webdriver.common.keys import Keys
+
+    def press(key: str) -> None:
+        ActionChains(page.driver).send_keys(key).perform()
+
+    row = 'tr[data-topic="/topic"] button'
+    focus = "return document.activeElement.matches(arguments[0])"
+    place = "const {left, top, right, bottom} = document.querySelector(arguments[0]).getBoundingClientRect();"
+    with script(LOSER), script(TALKER, "0.002"), page.window(390, 844):
+        page.open(server.page)
+        page.wait("return document.querySelector('tr.losing') !== null")
+        for column in ("Topic", "Hz", "Lost", "Why", "Lost/s"):
+            right = page.run(f"{place} return right", f'th[data-column="{column}"]')
+            assert right <= 390, column
+        assert page.run("return document.documentElement.scrollWidth") == 390
+        assert page.texts("#log-empty") == ["No lines yet: nodes' log lines (/rosout) appear here."]
+        assert not page.run("return document.getElementById('sheet').checkVisibility()")
+        page.run("document.querySelector(arguments[0]).focus()", row)
+        press(Keys.ENTER)
+        page.wait(focus, "#detail-title")
+        page.wait(
+            "return document.querySelectorAll('#detail .ends li').length", fits=lambda count: count == 2
+        )
+        top, bottom = page.run(f"{place} return [top, bottom]", "#sheet")
+        assert 844 / 3 < top < 844 * 0.6
+        assert bottom == 844
+        assert page.run(f"{place} return bottom", row) <= top, "the chosen row stays in sight"
+        page.run("document.getElementById('severity').focus()")
+        assert page.run(f"{place} return bottom", "#severity") <= top, "no focus below the sheet"
+        page.run("document.querySelector(arguments[0]).focus()", "#detail .values")
+        press(Keys.ESCAPE)
+        page.wait("return !document.getElementById('sheet').checkVisibility()")
+        assert page.run(focus, row)
+        press(Keys.ENTER)
+        page.wait(focus, "#detail-title")
+        press(Keys.TAB)
+        press(Keys.ENTER)  # Close
+        page.wait("return !document.getElementById('sheet').checkVisibility()")
+        assert page.run(focus, row)
+
+
+def test_lines_cross_no_label_and_no_box(server: Serving, page: Page) -> None:
+    """In twenty graphs with circles, lines over many columns, and labels of several widths."""
+    page.open(server.page)
+    assert page.driver.execute_async_script(LAYOUTS.read_text()) == []

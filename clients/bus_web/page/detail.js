@@ -32,7 +32,7 @@ export class Detail {
     this.about = element("p", { class: "note" });
     this.rows = new Kept(() => makeEndpoint(node === null ? null : this.chooseTopic));
     this.list = element("ul", { class: "ends", "aria-label": "Endpoints" });
-    const title = element("div", { class: "title" }, element("h2", { id: "detail-title" }, topic ?? node),
+    const title = element("div", { class: "title" }, element("h2", { id: "detail-title", tabindex: "-1" }, topic ?? node),
       element("button", { type: "button", onclick: () => this.close() }, "Close"));
     if (node !== null) {
       this.place.replaceChildren(title, this.about, this.list);

@@ -1,4 +1,4 @@
-// Lines between nodes and topics: wide where much goes, red where messages are lost.
+// Lines between nodes and topics: wide where much goes, red where messages are lost. Each has room for a label.
 
 import { setAttribute, setText, svg } from "./dom.js";
 import { count, rate } from "./format.js";
@@ -12,42 +12,53 @@ export function arrows() {
   return svg("defs", {}, ...heads);
 }
 
+export const LABEL_HEIGHT = 18;
+
+// `group` has the line. `sign` has the label, which is drawn above all lines.
 export function makeEdge() {
-  const line = svg("path"), label = svg("text"), title = svg("title");
-  const group = svg("g", {}, title, line, label);
+  const line = svg("path"), title = svg("title");
+  const shape = svg("rect", { height: LABEL_HEIGHT, rx: 3 }), label = svg("text");
   return {
-    group, line, label, title,
-    place(points) {
-      const [first, ...others] = points;
-      let path = `M${first.x} ${first.y}`;
-      for (let at = 0; at < others.length - 1; at++) {
-        const here = others[at], next = others[at + 1];
-        const last = at === others.length - 2;
-        path += `Q${here.x} ${here.y} ${last ? next.x : (here.x + next.x) / 2} ${last ? next.y : (here.y + next.y) / 2}`;
-      }
-      if (others.length === 1) path += `L${others[0].x} ${others[0].y}`;
+    group: svg("g", {}, title, line), sign: svg("g", {}, shape, label), line, label, shape, title,
+    room: 0, // the width that the layout keeps free for the label; it never shrinks, so the graph seldom moves
+    place(path, middle) {
       setAttribute(line, "d", path);
-      const middle = points[Math.floor(points.length / 2)];
-      setAttribute(label, "x", middle.x);
-      setAttribute(label, "y", middle.y - 5);
+      setAttribute(this.sign, "transform", `translate(${middle.x} ${middle.y})`);
+      setAttribute(label, "y", 4);
+      setAttribute(shape, "x", -this.room / 2);
+      setAttribute(shape, "y", -LABEL_HEIGHT / 2);
+      setAttribute(shape, "width", this.room);
     },
   };
 }
 
-export function paintEdge(drawn, { from, ends, topic }, isNear) {
-  const isSubscription = from[0] === "t";
+const isSubscription = ({ from }) => from[0] === "t";
+const lostOf = (edge) => (isSubscription(edge) ? edge.ends.reduce((sum, end) => sum + end.lost, 0) : 0);
+const isCut = ({ ends }) => ends.some((end) => end.reasons.length) && ends.every((end) => !end.routes.size);
+
+// What a line says: `lost 12`, `no match`, or nothing.
+export function labelOf(edge) {
+  const lost = lostOf(edge);
+  return isCut(edge) ? "no match" : lost ? `lost ${count(lost)}` : "";
+}
+
+export function paintEdge(drawn, edge, isNear) {
+  const { ends, topic } = edge;
   const hz = ends.reduce((sum, end) => sum + (end.hz ?? 0), 0);
-  const lost = isSubscription ? ends.reduce((sum, end) => sum + end.lost, 0) : 0;
-  const isLosing = isSubscription && ends.some((end) => end.lostPerS > 0);
+  const isLosing = isSubscription(edge) && ends.some((end) => end.lostPerS > 0);
   const isSocket = ends.some((end) => end.routes.has("socket"));
   const reasons = [...new Set(ends.flatMap((end) => end.reasons))];
-  const isCut = reasons.length > 0 && ends.every((end) => !end.routes.size);
-  const kind = isCut ? "grey" : isLosing ? "losing" : lost ? "lost" : "";
+  const text = labelOf(edge);
+  const kind = isCut(edge) ? "grey" : isLosing ? "losing" : text ? "lost" : "";
+  const name = `${isSubscription(edge) ? "subscription" : "publisher"} ${topic.name}`;
   setAttribute(drawn.group, "class", `edge ${kind}${isSocket ? " socket" : ""}${isNear ? " near" : ""}`);
+  setAttribute(drawn.group, "data-edge", name);
+  setAttribute(drawn.sign, "class", `label ${kind}`);
+  setAttribute(drawn.sign, "data-edge", name);
+  setAttribute(drawn.shape, "visibility", text ? null : "hidden");
   setAttribute(drawn.line, "stroke-width", (1 + 0.9 * Math.log10(1 + hz)).toFixed(1));
   setAttribute(drawn.line, "marker-end", `url(#head${kind})`);
-  setText(drawn.label, isCut ? "no match" : lost ? `lost ${count(lost)}` : "");
+  setText(drawn.label, text);
   const routes = [...new Set(ends.flatMap((end) => [...end.routes]))];
   setText(drawn.title, [topic.name, `${rate(hz)} Hz`, routes.length ? `by ${routes.join(" and ")}` : "", ...reasons].filter(Boolean).join("\n"));
-  setAttribute(drawn.group, "data-edge", `${isSubscription ? "subscription" : "publisher"} ${topic.name}`);
 }

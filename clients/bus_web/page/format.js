@@ -2,20 +2,23 @@
 
 export function rate(value) {
   if (value === null || value === undefined) return "–";
-  if (value >= 1000) return `${(value / 1000).toPrecision(3)} k`;
-  return value >= 100 ? value.toFixed(0) : value >= 10 ? value.toFixed(1) : value ? value.toPrecision(2) : "0";
+  if (value >= 999.5) return `${digits(value / 1000, 3)} k`;
+  return value >= 99.95 ? value.toFixed(0) : value >= 9.95 ? value.toFixed(1) : value ? value.toPrecision(2) : "0";
 }
+
+// That many digits, or all before the point: `toPrecision` alone would write 1.0e+2.
+const digits = (value, number) => (value >= 10 ** number - 0.5 ? value.toFixed(0) : value.toPrecision(number));
 
 export function size(value) {
   if (value === null || value === undefined) return "–";
   for (const [unit, least] of [["GB", 1e9], ["MB", 1e6], ["kB", 1e3]])
-    if (value >= least) return `${(value / least).toPrecision(3)} ${unit}`;
+    if (value >= 0.9995 * least) return `${digits(value / least, 3)} ${unit}`;
   return `${Math.round(value)} B`;
 }
 
 export function age(ms) {
   if (ms === null || ms === undefined) return "";
-  return ms >= 1000 ? `${(ms / 1000).toPrecision(3)} s` : `${ms >= 100 ? ms.toFixed(0) : ms.toPrecision(2)} ms`;
+  return ms >= 999.5 ? `${digits(ms / 1000, 3)} s` : `${digits(ms, 2)} ms`;
 }
 
 // Half of the messages, and 99 % of them, were at most so old: two numbers, with one unit where they share it.

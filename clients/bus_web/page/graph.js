@@ -1,27 +1,33 @@
 // Nodes as boxes and topics as pills, laid out from left to right when the structure changes; else changed in place.
 
 import { Kept, setAttribute, setChildren, setText, svg } from "./dom.js";
-import { arrows, makeEdge, paintEdge } from "./edge.js";
+import { arrows, labelOf, makeEdge, paintEdge } from "./edge.js";
 import { rate, size } from "./format.js";
+import { layOut } from "./layout.js";
 import { select } from "./selection.js";
+import { Viewport } from "./viewport.js";
 
 const LINE = 16, PAD = 12, MARGIN = 16;
+const LABEL = "lost 999"; // the least room for a label: a count may grow for a while
 
 export class Graph {
   // `choose(topic)` when a topic is chosen, `chooseNode(name)` when a node is.
-  constructor(place, note, choose, chooseNode) {
+  constructor(place, note, bar, choose, chooseNode) {
     this.place = place;
     this.note = note;
     this.choose = choose;
     this.chooseNode = chooseNode;
     this.key = "";
     this.focus = null; // the box whose neighbourhood was shown last
+    this.seen = null; // the box to which it has scrolled last, and the boxes that were there then
+    this.plan = { boxes: new Map(), edges: new Map() };
     this.boxes = new Kept((id) => this.makeBox(id));
     this.edges = new Kept(() => makeEdge());
-    this.root = svg("svg", { role: "group", "aria-label": "Graph: nodes are boxes, topics are pills" });
-    this.root.append(arrows());
-    this.layer = svg("g");
-    this.root.append(this.layer);
+    this.root = svg("svg", { role: "group", "aria-label": "Graph: nodes are boxes, topics are pills" }, arrows());
+    this.layers = [svg("g"), svg("g"), svg("g")]; // lines, boxes, labels
+    this.root.append(...this.layers);
+    place.append(this.root);
+    this.viewport = new Viewport(place, this.root, bar);
     this.measure = document.createElement("canvas").getContext("2d");
   }
 
@@ -31,7 +37,10 @@ export class Graph {
     this.note.hidden = focus === null;
     if (focus !== null)
       setText(this.note, `${total} nodes and topics: shown are the ${boxes.size} around ${boxes.get(focus).name}. Choose another, or filter.`);
-    const key = JSON.stringify([...boxes.keys(), "", ...edges.keys()]);
+    this.boxes.only(boxes.keys());
+    this.edges.only(edges.keys());
+    const rooms = [...edges].map(([id, edge]) => this.makeRoom(this.edges.all.get(id), labelOf(edge)));
+    const key = JSON.stringify([...boxes.keys(), "", ...edges.keys(), ...rooms]);
     if (key !== this.key) {
       this.key = key;
       this.layOut(boxes, edges);
@@ -39,46 +48,58 @@ export class Graph {
     for (const [id, box] of boxes) this.paintBox(this.boxes.all.get(id), box, view);
     for (const [id, edge] of edges)
       paintEdge(this.edges.all.get(id), edge, view.topic === edge.topic.name || view.node === edge.node.name);
+    this.showPlace(boxes, view, focus);
+  }
+
+  makeRoom(edge, label) {
+    if (!label) return edge.room;
+    this.measure.font = `600 12px ${this.font}`;
+    const width = Math.ceil(Math.max(...[label, LABEL].map((text) => this.measure.measureText(text).width))) + 8;
+    edge.room = Math.max(edge.room, width);
+    return edge.room;
+  }
+
+  get font() {
+    return getComputedStyle(this.place).fontFamily;
   }
 
   layOut(boxes, edges) {
-    const plan = new dagre.graphlib.Graph();
-    plan.setGraph({ rankdir: "LR", nodesep: 14, ranksep: 64, edgesep: 8 });
-    const font = getComputedStyle(this.place).fontFamily;
-    this.measure.font = `600 13px ${font}`;
-    for (const [id, box] of boxes) {
+    this.measure.font = `600 13px ${this.font}`;
+    const sizes = new Map([...boxes].map(([id, box]) => {
       const width = Math.max(this.measure.measureText(box.name).width, box.topic ? 118 : 40) + 2 * PAD;
-      plan.setNode(id, { width: Math.ceil(width), height: box.topic ? 2 * LINE + PAD : LINE + PAD });
+      return [id, { width: Math.ceil(width), height: box.topic ? 2 * LINE + PAD : LINE + PAD, isRound: Boolean(box.topic) }];
+    }));
+    const lines = new Map([...edges].map(([id, { from, to }]) => [id, { from, to, room: this.edges.all.get(id).room }]));
+    this.plan = layOut(sizes, lines);
+    const drawn = [...this.edges.all.values()];
+    setChildren(this.layers[0], drawn.map((one) => one.group));
+    setChildren(this.layers[1], [...this.boxes.all.values()].map((one) => one.group));
+    setChildren(this.layers[2], drawn.map((one) => one.sign));
+    for (const [id, at] of this.plan.boxes) this.boxes.all.get(id).place(at);
+    for (const [id, { path, middle }] of this.plan.edges) this.edges.all.get(id).place(path, middle);
+    const { left, top, right, bottom } = this.plan;
+    this.viewport.cover({
+      x: left - MARGIN, y: top - MARGIN, width: Math.ceil(right - left) + 2 * MARGIN, height: Math.ceil(bottom - top) + 2 * MARGIN,
+    });
+  }
+
+  // The map, and in sight what is chosen, else the middle of the shown part, else the first column: once for each
+  // choice, and when other boxes come or leave, so that the user may scroll away.
+  showPlace(boxes, view, focus) {
+    let chosen = null;
+    this.viewport.drawMap([...boxes].map(([id, { topic, node }]) => {
+      const isChosen = topic ? view.topic === topic.name : view.node === node.name;
+      if (isChosen) chosen = id;
+      return { ...this.plan.boxes.get(id), isChosen, isLossy: Boolean(topic?.lost) };
+    }));
+    const target = chosen ?? focus;
+    const seen = target === null ? "" : JSON.stringify([target, ...boxes.keys()]);
+    if (seen !== this.seen && boxes.size) {
+      const first = [...this.plan.boxes.values()].reduce((best, one) => (one.x < best.x ? one : best));
+      if (target !== null) this.viewport.show(this.plan.boxes.get(target));
+      else if (this.seen === null) this.viewport.show(first);
+      this.seen = seen;
     }
-    for (const [id, edge] of edges) plan.setEdge(edge.from, edge.to, { id });
-    dagre.layout(plan);
-    const drawn = this.boxes.only(boxes.keys());
-    const lines = this.edges.only(edges.keys());
-    setChildren(this.layer, [...drawn.map((one) => one.group), ...lines.map((one) => one.group)]); // what is lost, on top
-    // dagre's own size leaves out the edges.
-    let right = 0, bottom = 0, left = Infinity, top = Infinity;
-    const reach = (x, y) => {
-      left = Math.min(left, x); right = Math.max(right, x);
-      top = Math.min(top, y); bottom = Math.max(bottom, y);
-    };
-    for (const id of boxes.keys()) {
-      const at = plan.node(id);
-      this.boxes.all.get(id).place(at);
-      reach(at.x - at.width / 2, at.y - at.height / 2);
-      reach(at.x + at.width / 2, at.y + at.height / 2);
-    }
-    for (const at of plan.edges()) {
-      const { id, points } = plan.edge(at);
-      this.edges.all.get(id).place(points);
-      for (const { x, y } of points) reach(x, y);
-    }
-    if (left === Infinity) left = right = top = bottom = 0;
-    const width = Math.ceil(right - left) + 2 * MARGIN, height = Math.ceil(bottom - top) + 2 * MARGIN;
-    setAttribute(this.root, "viewBox", `${left - MARGIN} ${top - MARGIN} ${width} ${height}`);
-    setAttribute(this.root, "width", width);
-    setAttribute(this.root, "height", height);
-    this.root.style.minWidth = `${Math.round(width * 0.62)}px`;
-    if (!this.root.isConnected) this.place.append(this.root);
   }
 
   makeBox(id) {

@@ -8,6 +8,7 @@ import { count, plural, rate, size } from "./format.js";
 import { Graph } from "./graph.js";
 import { Log } from "./log.js";
 import { Plots } from "./plot.js";
+import { Sheet } from "./sheet.js";
 import { Table } from "./table.js";
 
 const the = (id) => document.getElementById(id);
@@ -20,11 +21,12 @@ const view = {
       || topic.types.some((type) => type.toLowerCase().includes(this.filter)));
   },
 };
-const graph = new Graph(the("graph"), the("graph-note"), choose, chooseNode);
+const graph = new Graph(the("graph"), the("graph-note"), the("graph-bar"), choose, chooseNode);
 const table = new Table(the("table"), the("pages"), choose);
-const log = new Log(the("lines"), the("log-note"), the("severity"));
+const log = new Log(the("lines"), the("log-note"), the("log-empty"), the("severity"));
 const plots = new Plots(the("plots"), look);
 const detail = new Detail(the("detail"), { close: () => choose(null), plot: (topic, path) => plots.toggle(topic, path), look, choose });
+const sheet = new Sheet(the("sheet"), () => choose(null));
 const missed = new Map();
 let name = "bus", isDue = false, isWanted = false, wasDrawn = false;
 
@@ -87,13 +89,18 @@ function choose(topic) {
   chosen();
 }
 
+const rowOf = (topic) => topic === null ? null : document.querySelector(`tr[data-topic="${CSS.escape(topic)}"] button`);
+
 function chooseNode(name) {
   Object.assign(view, { topic: null, node: name === view.node ? null : name });
   chosen();
 }
 
 function chosen() {
+  const hadFocus = sheet.hasFocus;
   detail.choose(view.topic, view.node);
+  if (view.topic === null && view.node === null) sheet.shut(hadFocus);
+  else sheet.open(hadFocus, rowOf(view.topic));
   look();
   showAnyway();
 }
@@ -118,6 +125,7 @@ function show() {
     table.show(bus, view);
     detail.show(bus);
     plots.show(bus);
+    sheet.settle();
     const shown = [...bus.topics.values()].filter((topic) => view.shows(topic));
     const sum = (key) => shown.reduce((all, topic) => all + (topic[key] ?? 0), 0);
     const nodes = [...bus.nodes.values()].filter((node) => view.hidden || !node.isHidden).length;

@@ -10,23 +10,25 @@ const WIDTH = 72, HEIGHT = 20, STRIP = 8;
 
 const routesOf = (topic) => [...new Set(topic.subscriptions.flatMap((end) => [...end.routes]))].sort();
 const queue = ({ queued, depth }) => (depth === null ? count(queued) : `${count(queued)}/${count(depth)}`);
+// By need: a narrow window shows the first ones.
 const COLUMNS = [
   ["Topic", (topic) => topic.name, null],
-  ["Type", (topic) => topic.types[0] ?? "", (topic) => topic.types.map(shortType).join(" and ")],
   ["Hz", (topic) => topic.hz ?? -1, (topic) => rate(topic.hz)],
-  ["B/s", (topic) => topic.bytesPerS ?? -1, (topic) => size(topic.bytesPerS)],
+  ["Lost", (topic) => topic.lost, (topic) => (topic.lost ? count(topic.lost) : "0")],
+  ["Why", why, why],
+  ["Lost/s", (topic) => topic.lostPerS, (topic) => (topic.lostPerS ? rate(topic.lostPerS) : "")],
   ["60 s", null, null],
+  ["Age", (topic) => topic.age?.[0] ?? -1, (topic) => ages(topic.age)],
+  ["Queue", (topic) => topic.queued, (topic) => (topic.subscriptions.length ? queue(topic) : "")],
+  ["B/s", (topic) => topic.bytesPerS ?? -1, (topic) => size(topic.bytesPerS)],
   ["Pub", (topic) => topic.publishers.length, (topic) => topic.publishers.length],
   ["Sub", (topic) => topic.subscriptions.length, (topic) => topic.subscriptions.length],
   ["Route", (topic) => routesOf(topic).join(), (topic) => routesOf(topic).join(", ")],
-  ["Queue", (topic) => topic.queued, (topic) => (topic.subscriptions.length ? queue(topic) : "")],
-  ["Age", (topic) => topic.age?.[0] ?? -1, (topic) => ages(topic.age)],
-  ["Lost/s", (topic) => topic.lostPerS, (topic) => (topic.lostPerS ? rate(topic.lostPerS) : "")],
-  ["Lost", (topic) => topic.lost, (topic) => (topic.lost ? count(topic.lost) : "0")],
-  ["Why", why, why],
+  ["Type", (topic) => topic.types[0] ?? "", (topic) => topic.types.map(shortType).join(" and ")],
 ];
 const HINTS = { Age: "half of the messages / 99 % of them were at most so old when a program took them" };
-const SPARK = COLUMNS.findIndex(([title]) => title === "60 s");
+const placeOf = (wanted) => COLUMNS.findIndex(([title]) => title === wanted);
+const SPARK = placeOf("60 s"), TYPE = placeOf("Type");
 const NUMBERS = new Set(["Hz", "B/s", "Pub", "Sub", "Queue", "Age", "Lost/s", "Lost"]);
 
 export class Table {
@@ -43,7 +45,7 @@ export class Table {
     this.rows = new Kept((name) => this.makeRow(name));
     COLUMNS.forEach(([title, value], at) => {
       const label = value ? element("button", { type: "button", onclick: () => this.sortBy(at), title: HINTS[title] ?? null }, title) : title;
-      this.head.append(element("th", { scope: "col", class: NUMBERS.has(title) ? "number" : null }, label));
+      this.head.append(element("th", { scope: "col", "data-column": title, class: NUMBERS.has(title) ? "number" : null }, label));
     });
     const step = (text, by) => element("button", { type: "button", onclick: () => this.turn(by) }, text);
     this.back = step("Previous", -1);
@@ -113,7 +115,7 @@ export class Table {
     const strip = svg("path", { class: "strip" });
     const spark = svg("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, width: WIDTH, height: HEIGHT, role: "img", class: "spark" }, line, strip);
     const cells = COLUMNS.map(([title], at) =>
-      element(at ? "td" : "th", { scope: at ? null : "row", class: NUMBERS.has(title) ? "number" : title === "Type" ? "type" : null }));
+      element(at ? "td" : "th", { scope: at ? null : "row", "data-column": title, class: NUMBERS.has(title) ? "number" : null }));
     cells[0].append(button);
     cells[SPARK].append(spark);
     const row = element("tr", { "data-topic": name }, ...cells);
@@ -122,7 +124,7 @@ export class Table {
       row,
       paint: (topic, view) => {
         COLUMNS.forEach(([, , text], at) => text && setText(cells[at], text(topic)));
-        setAttribute(cells[1], "title", topic.types.join(" and "));
+        setAttribute(cells[TYPE], "title", topic.types.join(" and "));
         drawSpark(line, topic.history);
         const lost = topic.lostHistory.reduce((sum, one) => sum + one, 0), height = HEIGHT + (lost ? STRIP : 0);
         setAttribute(spark, "viewBox", `0 0 ${WIDTH} ${height}`);
