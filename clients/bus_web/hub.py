@@ -19,6 +19,8 @@ _REST_S = 0.2
 """Rest between looks at a graph that changes all the time."""
 _ANSWER_S = 2.0
 """busd answers in milliseconds: after so long it is away."""
+_CONNECTION_S = 0.2
+"""Period of the checks of the connection: a busd that has ended is reported before its answer is overdue."""
 
 
 class Watcher:
@@ -61,7 +63,8 @@ class Hub:
         if len(self._watchers) == 1:
             self._changed.set()
             loop = asyncio.get_running_loop()
-            self._tasks = [loop.create_task(self._poll_graph()), loop.create_task(self._watch())]
+            works = (self._poll_graph(), self._watch(), self._watch_connection())
+            self._tasks = [loop.create_task(work) for work in works]
         try:
             yield
         finally:
@@ -84,6 +87,12 @@ class Hub:
             async with aclosing(self.node.watch_graph()) as graphs:
                 async for _ in graphs:
                     self._changed.set()
+
+    async def _watch_connection(self) -> None:
+        while True:
+            if not self.node.is_connected:
+                self._lose("its connection has ended, and bus web connects again")
+            await asyncio.sleep(_CONNECTION_S)
 
     async def _poll_graph(self) -> None:
         loop = asyncio.get_running_loop()

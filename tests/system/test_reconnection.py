@@ -311,6 +311,18 @@ class TestCreating:
 
 
 class TestComingBack:
+    async def test_a_node_says_whether_it_is_connected(self, broker: FakeBroker) -> None:
+        assert not bus.Node("other", arguments=[]).is_connected
+        node, client = await opened(broker)
+        assert node.is_connected
+        await client.close()
+        await until(lambda: not node.is_connected)
+        client = await broker.accept()
+        await client.create(m.CreateNode, 2)
+        await until(lambda: node.is_connected)
+        await node.close()
+        assert not node.is_connected
+
     async def test_a_node_closed_before_it_is_declared_again(
         self, broker: FakeBroker, caplog: pytest.LogCaptureFixture
     ) -> None:

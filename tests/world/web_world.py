@@ -103,6 +103,7 @@ class ListNode:
     """Makes endpoints and keeps them in lists, by topic or service."""
 
     name = f"_bus_web_{PID}"
+    is_connected = True
 
     def __init__(self) -> None:
         self.now: Graph | None = None

@@ -150,6 +150,12 @@ class Link(LoopCalls):
                         return other
         return None
 
+    @property
+    def is_connected(self) -> bool:
+        """Whether the broker is there and knows everything that was declared."""
+        is_open = self.connection is not None and self._connecting.opening is None
+        return is_open and self.failure is None
+
     def connection_now(self) -> object:
         """A key for the present connection: the broker's ids are valid only on it."""
         return self.connection

@@ -15,6 +15,7 @@ from bus.wire import messages as m
 if TYPE_CHECKING:  # not every program needs them
     from bus.graph import Graph
     from bus.link.graph_watch import GraphWatches
+    from bus.link.link import Link
     from bus.schema import MessageSchema
 
 __all__ = ["GraphHost"]
@@ -23,8 +24,16 @@ __all__ = ["GraphHost"]
 class GraphHost:
     """Base class of Node."""
 
+    _link: Link | None = None
+    """None before `open` and after `close`."""
     _watches: GraphWatches | None = None
     """None before the first watch of the graph."""
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether its connection to busd is open. False before `open`, while it reconnects, after `close`."""
+        link = self._link
+        return link is not None and link.is_connected
 
     async def graph(self, *, statistics: bool = False) -> Graph:
         """All nodes, endpoints and matches now; with the endpoints' live counters if asked.

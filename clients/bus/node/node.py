@@ -77,7 +77,6 @@ class Node(ParameterHost, GraphHost):
     """
 
     _must_be_closed = True  # else no warning if the collector finds the node open
-    _link: Link | None = None
 
     def __init__(
         self,

@@ -213,7 +213,8 @@ class Top(App[None]):
 
     def _show_news(self) -> None:
         """Show changes between two looks: new values, and a busd that does not answer."""
-        is_away = monotonic() - self._looked_s > self._delay_s + _SILENT_S and not self._state.is_paused
+        is_silent = monotonic() - self._looked_s > self._delay_s + _SILENT_S
+        is_away = (is_silent or not self._node.is_connected) and not self._state.is_paused
         if is_away != self._state.is_away:
             self._state.is_away = is_away
             self._show_status()

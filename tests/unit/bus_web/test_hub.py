@@ -65,6 +65,32 @@ async def test_busd_goes_and_comes_back(monkeypatch: pytest.MonkeyPatch) -> None
     await world.close()
 
 
+async def test_the_end_of_the_connection_is_told_before_an_answer_is_overdue(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for name in ("_LOOK_S", "_REST_S", "_CONNECTION_S"):
+        monkeypatch.setattr(module, name, 0.001)
+    world, seen, is_back = WebWorld(), Seen(), asyncio.Event()
+    world.look()
+
+    async def graph(*, statistics: bool) -> Graph:
+        await is_back.wait()
+        assert world.node.now is not None
+        return world.node.now
+
+    async with world.hub.watching(seen):
+        await until(lambda: seen.told)
+        monkeypatch.setattr(world.node, "graph", graph)
+        monkeypatch.setattr(world.node, "is_connected", False)
+        await until(lambda: world.hub.is_lost)
+        assert seen.told[-1] == "its connection has ended, and bus web connects again"
+        monkeypatch.setattr(world.node, "is_connected", True)
+        is_back.set()
+        await until(lambda: not world.hub.is_lost)
+    assert seen.told[-1] == "same"
+    await world.close()
+
+
 async def test_a_poll_that_fails_is_reported_once_and_repeated(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("_LOOK_S", "_REST_S"):
         monkeypatch.setattr(module, name, 0.001)
