@@ -263,6 +263,16 @@ async def test_every_key(world: None) -> None:
     assert not shown.top.is_running
 
 
+@pytest.mark.parametrize(("size", "first"), [((40, 10), "up down"), ((80, 24), "up, down")])
+async def test_help_fits(daemon: Daemon, size: tuple[int, int], first: str) -> None:
+    async with screen(size) as shown:
+        await shown.press("question_mark")
+        lines = (await shown.until("Any key closes this")).splitlines()
+        assert any(line.strip("│ ").startswith(first) for line in lines)
+        assert lines[-1].strip()[0] == "╰" or size == (80, 24)
+        assert all(line.endswith(("╮", "│", "╯")) for line in lines if "│" in line), "no line is cut"
+
+
 async def test_a_filter(world: None) -> None:
     async with screen() as shown:
         await shown.until("/rosout", "rows")
@@ -466,6 +476,24 @@ def test_it_is_stopped_and_goes_on(world: None) -> None:
         assert shown.is_raw()
         shown.write("q")
         assert shown.wait() == 0
+
+
+def test_a_terminal_without_utf_8(world: None) -> None:
+    with terminal("-d", "0.2", LC_ALL="C") as shown:
+        seen = shown.read_until(r"has lost: replaced(?s:.*) u?s ")
+        shown.write("q")
+        shown.wait()
+    assert seen.isascii()
+
+
+def test_a_dumb_terminal(world: None) -> None:
+    """It gets the table again and again, and no escape sequence."""
+    with terminal("-d", "0.2", TERM="dumb") as shown:
+        seen = "".join(shown.read_until(r"TOPIC(?s:.*)has lost: repl") for _ in range(2))
+        shown.write("\x03")
+        assert shown.wait() == -signal.SIGINT
+    assert seen.isascii()
+    assert "\x1b" not in seen
 
 
 @pytest.mark.parametrize("no_color", [True, pytest.param(False, marks=pytest.mark.nightly)])

@@ -8,6 +8,7 @@ Invariants:
 - `state.py`, `columns.py`, `figures.py` and `table.py` are pure, so the screen is tested without a terminal.
 - textual is imported only for the screen. --once and --json need neither textual nor an event loop.
 - The page in a browser shows the same rows: they come from `bus_web`.
+- A terminal with a locale other than UTF-8 gets ASCII (`ascii_text.py`), a dumb one gets plain tables.
 
 Read first: `state.py`. Tests: `tests/unit/bus_cli/top/`, `tests/system/test_cli_top.py`.
 """
@@ -21,6 +22,7 @@ from bus.process.address import socket_path
 from bus_cli.completion import completed_by
 from bus_cli.output import CommandError, print_json, say
 from bus_cli.stream import positive
+from bus_cli.top.ascii_text import ascii_text, is_ascii_only, is_dumb
 from bus_cli.top.columns import SORT_KEYS
 
 _EPILOG = f"""\
@@ -50,7 +52,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def main(args: Namespace) -> int:
     """Show the bus until `q` or Ctrl-C."""
-    if args.once or args.json:
+    if args.once or args.json or (is_dumb(os.environ) and sys.stdout.isatty()):
         from bus_cli.top.plain import looks, record, report
 
         hidden = args.include_hidden_topics
@@ -58,7 +60,10 @@ def main(args: Namespace) -> int:
             if args.json:
                 print_json(record(model, args.sort, hidden=hidden))
             else:
-                say(report(model, args.sort, _width(), hidden=hidden))
+                text = report(model, args.sort, _width(), hidden=hidden)
+                say(ascii_text(text) if is_ascii_only(os.environ) else text)
+                if not args.once:  # tables follow each other
+                    say("")
             sys.stdout.flush()
         return 0
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
@@ -74,8 +79,8 @@ def main(args: Namespace) -> int:
 
 
 def _width() -> int | None:
-    """Width of the terminal; None if the output is not a terminal."""
-    return os.get_terminal_size(sys.stdout.fileno()).columns if sys.stdout.isatty() else None
+    """Width of the terminal, 80 if it does not tell; None if the output is not a terminal."""
+    return (os.get_terminal_size(sys.stdout.fileno()).columns or 80) if sys.stdout.isatty() else None
 
 
 def _delay(text: str) -> float:

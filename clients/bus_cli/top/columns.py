@@ -81,7 +81,7 @@ def _least(number: float | None) -> float:
 def _columns(title: str, second: Column) -> list[Column]:
     """The columns of topics or nodes. Columns with a width are sorted from the highest value."""
     return [
-        Column(title, name_of, lambda row: name_of(row)),
+        Column(title, name_of, lambda row: name_of(row), least=18),
         second,
         Column("HZ", lambda row: rate_text(row.hz), lambda row: _least(row.hz), 7),
         Column("B/S", lambda row: bytes_text(row.bytes_per_s), lambda row: _least(row.bytes_per_s), 9, 5),
@@ -95,7 +95,7 @@ def _columns(title: str, second: Column) -> list[Column]:
         Column("LOST/S", lambda row: rate_text(row.lost_per_s), lambda row: row.lost_per_s, 7),
         Column("LOST", lambda row: count_text(row.lost), lambda row: row.lost, 7),
         Column("LOSSES", lambda row: losses_text(row.lost_history), None, SPARK_CELLS, 2),
-        Column("WHY", why_text),
+        Column("WHY", why_text, least=24),
     ]
 
 

@@ -23,6 +23,7 @@ from bus.graph import Graph
 from bus.node import Node
 from bus_cli.output import CommandError
 from bus_cli.stream import open_node, run_stream
+from bus_cli.top.ascii_text import ascii_text, is_ascii_only
 from bus_cli.top.columns import endpoint_lines, name_of
 from bus_cli.top.lines_view import LinesView
 from bus_cli.top.state import State
@@ -43,7 +44,7 @@ r          reverse the order
 /          only rows with this text in a name or type; Escape: all again
 h          also hidden topics and nodes
 n          nodes instead of topics
-Enter      live values of the chosen topic, as `bus topic echo` has them; again: endpoints
+Enter      the topic's messages, like `bus topic echo`; again: endpoints
 Tab        scroll the lower half
 space      pause the display
 q, Ctrl-C  quit
@@ -51,6 +52,18 @@ q, Ctrl-C  quit
 A row is red while messages are lost, and yellow if some were lost before.
 WHY has the reason; the lower half shows endpoints that do not match.
 docs/look.md explains the columns. Any key closes this."""
+_SHORT_HELP = """\
+up down j k PgUp PgDn  choose a row
+s sort by next column  r reverse
+/ only rows with a text  Escape: all
+h hidden ones, too     n by node
+Enter values or endpoints
+Tab scroll the lower half
+space pause            q Ctrl-C quit
+Any key closes this."""
+"""It fits a terminal of 40 columns and 10 lines."""
+_FRAME = 4, 2
+"""Columns and lines around a help text."""
 _KEYS = "s sort  r reverse  / filter  h hidden  n nodes  Enter values  space pause  ? help  q quit"
 
 
@@ -79,7 +92,10 @@ class Help(ModalScreen[None]):
 
     def compose(self) -> ComposeResult:
         with VerticalScroll(id="help"):
-            yield Static(_HELP, markup=False)
+            size, lines = self.app.size, _HELP.splitlines()
+            wide, high = max(map(len, lines)) + _FRAME[0], len(lines) + _FRAME[1]
+            fits = wide <= size.width and high <= size.height
+            yield Static(_HELP if fits else _SHORT_HELP, markup=False)
 
     def on_key(self, event: events.Key) -> None:
         event.stop()
@@ -87,6 +103,13 @@ class Help(ModalScreen[None]):
 
     def on_click(self) -> None:
         self.dismiss()
+
+
+class _AsciiDriver(linux_driver.LinuxDriver):
+    """Writes ASCII only."""
+
+    def write(self, data: str) -> None:
+        super().write(ascii_text(data))
 
 
 class Top(App[None]):
@@ -98,7 +121,7 @@ class Top(App[None]):
     Static, LinesView, Input { background: ansi_default; color: ansi_default; }
     Static { height: 1; }
     #titles, #below_titles { text-style: bold underline; }
-    #rows { height: 3fr; scrollbar-size: 1 1; }
+    #rows { height: 3fr; scrollbar-size: 1 1; overflow-x: hidden; }
     #below { height: 2fr; scrollbar-size: 1 1; }
     #filter { height: 1; border: none; padding: 0; display: none; }
     Help { align: center middle; background: ansi_default; }
@@ -121,7 +144,7 @@ class Top(App[None]):
     ]
 
     def __init__(self, node: Node, delay_s: float, state: State) -> None:
-        super().__init__(ansi_color=True)
+        super().__init__(_AsciiDriver if is_ascii_only(os.environ) else None, ansi_color=True)
         self.failure: BaseException | None = None
         self._node = node
         self._delay_s = delay_s

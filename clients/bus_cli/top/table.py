@@ -8,8 +8,6 @@ __all__ = ["LOSES", "LOST", "Column", "Line", "Lines", "Table"]
 LOSES, LOST = "loses", "lost"
 """Marks of a line: its subject loses messages now, or has lost some."""
 
-_LEAST = 16
-"""Least cells of a column without a width, as long as another column can be removed."""
 _NARROWEST = 4
 
 
@@ -30,6 +28,8 @@ class Column(NamedTuple):
     """Order of removal if the terminal is too narrow: 1 goes first; 0 stays."""
     is_left: bool = False
     """Whether texts are aligned left although there is a width."""
+    least: int = 16
+    """For a column without a width: cells that its texts get, if they need them, before one that `goes`."""
 
 
 class Table:
@@ -98,7 +98,7 @@ def _fit(columns: list[Column], wanted: Mapping[str, int], width: int) -> dict[s
     """The width of each column that fits."""
     here = [*columns]
     while True:
-        widths = {one.title: one.width or min(wanted[one.title], _LEAST) for one in here}
+        widths = {one.title: one.width or min(wanted[one.title], one.least) for one in here}
         left = width - sum(widths.values()) - (len(here) - 1)
         going = [one for one in here if one.goes]
         if left >= 0 or not going:

@@ -113,6 +113,16 @@ def test_no_line_is_wider_than_the_terminal(width: int) -> None:
     assert (len(title.split()) == 15) == (width >= 160)
 
 
+def test_reasons_come_before_bars() -> None:
+    busy = replace(BUSY, topic="/camera/image_raw")
+    title, (line,) = BY_TOPIC.lines([busy], 120)
+    assert "RATE" not in title
+    assert line.text.startswith("/camera/image_raw ")
+    assert line.text.endswith(" loses now: replaced")
+    title, _ = BY_TOPIC.lines([topic()], 130)
+    assert "RATE" in title, "without reasons there is room"
+
+
 def test_80_columns_say_who_loses_what_and_why() -> None:
     title, (line,) = BY_TOPIC.lines([BUSY], 80)
     assert title.split() == ["TOPIC", "HZ", "B/S", "PUB", "SUB", "QUEUE", "LOST/S", "LOST", "WHY"]
