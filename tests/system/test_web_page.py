@@ -476,4 +476,6 @@ def test_a_phone(server: Serving, page: Page) -> None:
 def test_lines_cross_no_label_and_no_box(server: Serving, page: Page) -> None:
     """In twenty graphs with circles, lines over many columns, and labels of several widths."""
     page.open(server.page)
+    page.wait("return document.getElementById('graph-note').textContent")
+    assert page.texts("#graph-note") == ["No nodes are on the bus."]
     assert page.driver.execute_async_script(LAYOUTS.read_text()) == []

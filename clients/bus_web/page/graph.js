@@ -8,7 +8,10 @@ import { select } from "./selection.js";
 import { Viewport } from "./viewport.js";
 
 const LINE = 16, PAD = 12, MARGIN = 16;
+const LONG = 44; // letters of a longer name are left out in the middle
 const LABEL = "lost 999"; // the least room for a label: a count may grow for a while
+
+const shortened = (name) => (name.length > LONG ? `${name.slice(0, LONG / 2 - 1)}…${name.slice(1 - LONG / 2)}` : name);
 
 export class Graph {
   // `choose(topic)` when a topic is chosen, `chooseNode(name)` when a node is.
@@ -19,6 +22,7 @@ export class Graph {
     this.chooseNode = chooseNode;
     this.key = "";
     this.focus = null; // the box whose neighbourhood was shown last
+    this.target = null; // the id of the box to which it scrolls
     this.seen = null; // the box to which it has scrolled last, and the boxes that were there then
     this.plan = { boxes: new Map(), edges: new Map() };
     this.boxes = new Kept((id) => this.makeBox(id));
@@ -34,9 +38,10 @@ export class Graph {
   show(bus, view) {
     const { boxes, edges, focus, total } = select(bus, view, this.focus);
     this.focus = focus ?? this.focus;
-    this.note.hidden = focus === null;
-    if (focus !== null)
-      setText(this.note, `${total} nodes and topics: shown are the ${boxes.size} around ${boxes.get(focus).name}. Choose another, or filter.`);
+    setText(this.note, focus !== null
+      ? `${total} nodes and topics: shown are the ${boxes.size} around ${boxes.get(focus).name}. Choose another, or filter.`
+      : boxes.size ? "" : view.filter ? `No name or type has “${view.filter}”.` : "No nodes are on the bus.");
+    this.note.hidden = !this.note.textContent;
     this.boxes.only(boxes.keys());
     this.edges.only(edges.keys());
     const rooms = [...edges].map(([id, edge]) => this.makeRoom(this.edges.all.get(id), labelOf(edge)));
@@ -66,10 +71,12 @@ export class Graph {
   layOut(boxes, edges) {
     this.measure.font = `600 13px ${this.font}`;
     const sizes = new Map([...boxes].map(([id, box]) => {
-      const width = Math.max(this.measure.measureText(box.name).width, box.topic ? 118 : 40) + 2 * PAD;
+      const width = Math.max(this.measure.measureText(shortened(box.name)).width, box.topic ? 118 : 40) + 2 * PAD;
       return [id, { width: Math.ceil(width), height: box.topic ? 2 * LINE + PAD : LINE + PAD, isRound: Boolean(box.topic) }];
     }));
     const lines = new Map([...edges].map(([id, { from, to }]) => [id, { from, to, room: this.edges.all.get(id).room }]));
+    const before = this.plan.boxes.get(this.target);
+    const wasSeen = before && this.viewport.has(before);
     this.plan = layOut(sizes, lines);
     const drawn = [...this.edges.all.values()];
     setChildren(this.layers[0], drawn.map((one) => one.group));
@@ -81,6 +88,7 @@ export class Graph {
     this.viewport.cover({
       x: left - MARGIN, y: top - MARGIN, width: Math.ceil(right - left) + 2 * MARGIN, height: Math.ceil(bottom - top) + 2 * MARGIN,
     });
+    if (wasSeen && this.plan.boxes.has(this.target)) this.viewport.show(this.plan.boxes.get(this.target));
   }
 
   // The map, and in sight what is chosen, else the middle of the shown part, else the first column: once for each
@@ -92,14 +100,12 @@ export class Graph {
       if (isChosen) chosen = id;
       return { ...this.plan.boxes.get(id), isChosen, isLossy: Boolean(topic?.lost) };
     }));
-    const target = chosen ?? focus;
-    const seen = target === null ? "" : JSON.stringify([target, ...boxes.keys()]);
-    if (seen !== this.seen && boxes.size) {
-      const first = [...this.plan.boxes.values()].reduce((best, one) => (one.x < best.x ? one : best));
-      if (target !== null) this.viewport.show(this.plan.boxes.get(target));
-      else if (this.seen === null) this.viewport.show(first);
-      this.seen = seen;
-    }
+    this.target = chosen ?? focus;
+    const seen = this.target === null ? "" : JSON.stringify([this.target, ...boxes.keys()]);
+    if (seen === this.seen || !boxes.size) return;
+    if (this.target !== null) this.viewport.show(this.plan.boxes.get(this.target));
+    else if (this.seen === null) this.viewport.show([...this.plan.boxes.values()].reduce((best, one) => (one.x < best.x ? one : best)));
+    this.seen = seen;
   }
 
   makeBox(id) {
@@ -129,7 +135,7 @@ export class Graph {
   paintBox(drawn, { node, topic }, view) {
     if (topic) {
       const figures = topic.publishers.length ? `${rate(topic.hz)} Hz · ${size(topic.bytesPerS)}/s` : "no publisher";
-      setText(drawn.name, topic.name);
+      setText(drawn.name, shortened(topic.name));
       setText(drawn.figures, figures);
       setAttribute(drawn.group, "class", `topic${view.topic === topic.name ? " chosen" : ""}`);
       setAttribute(drawn.group, "aria-pressed", view.topic === topic.name);
@@ -137,7 +143,7 @@ export class Graph {
       setAttribute(drawn.group, "data-topic", topic.name);
     } else {
       const isChosen = view.node === node.name;
-      setText(drawn.name, node.name);
+      setText(drawn.name, shortened(node.name));
       setAttribute(drawn.group, "class", `node${isChosen ? " chosen" : ""}`);
       setAttribute(drawn.group, "aria-pressed", isChosen);
       setAttribute(drawn.group, "aria-label", `node ${node.name}, ${node.origin ? `on ${node.origin}` : `process ${node.pid}`}`);

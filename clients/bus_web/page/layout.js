@@ -5,14 +5,15 @@
 
 import { LABEL_HEIGHT } from "./edge.js";
 
-const SPACES = { rankdir: "LR", nodesep: 14, ranksep: 56, edgesep: 10 };
+const SPACES = { rankdir: "LR", nodesep: 14, edgesep: 10 };
+const GAP = 48, MORE = 4, MOST = 160; // between columns; the more lines meet at a box, the wider
 const STEP = 9; // between the ends of lines at one side of a box
 
 // `boxes`: by id, { width, height, isRound }. `edges`: by id, { from, to, room }: the width of its label, 0 for none.
 // Returns the same ids: `boxes` with their middles, `edges` with { path, middle }, and what all of them cover.
 export function layOut(boxes, edges) {
   const plan = new dagre.graphlib.Graph();
-  plan.setGraph({ ...SPACES });
+  plan.setGraph({ ...SPACES, ranksep: Math.min(MOST, GAP + MORE * busiest(edges)) });
   for (const [id, { width, height }] of boxes) plan.setNode(id, { width, height });
   for (const [id, { from, to, room }] of edges)
     plan.setEdge(from, to, { id, width: room, height: room ? LABEL_HEIGHT : 0, labelpos: "c" });
@@ -24,6 +25,14 @@ export function layOut(boxes, edges) {
   spreadEnds(placed, lines);
   const found = new Map(lines.map((line) => [line.id, { path: pathOf(line, widths), middle: middleOf(line) }]));
   return { boxes: placed, edges: found, ...extent(placed.values(), lines) };
+}
+
+// The most lines that begin, or end, at one box.
+function busiest(edges) {
+  const counts = new Map();
+  for (const { from, to } of edges.values())
+    for (const key of [`from ${from}`, `to ${to}`]) counts.set(key, (counts.get(key) ?? 0) + 1);
+  return Math.max(0, ...counts.values());
 }
 
 const keyOf = (x) => Math.round(x);

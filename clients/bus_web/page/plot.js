@@ -65,6 +65,7 @@ class Chart {
     this.width = 0;
     this.drawn = null;
     this.isDue = false;
+    this.wasSeen = false;
     this.lost = [];
     this.lostAt = 0;
     this.title = element("figcaption");
@@ -169,5 +170,8 @@ class Chart {
       series: [{}, ...series, { label: "age", scale: "age", stroke: colour("--plot-age"), width: 1, dash: [4, 3], spanGaps: true, points: { show: false } }],
     }, this.data(), this.canvas);
     this.draw();
+    if (this.wasSeen) return;
+    this.wasSeen = true; // the user has just asked for it; uPlot has its size in the next picture
+    requestAnimationFrame(() => this.figure.scrollIntoView({ block: "nearest" }));
   }
 }

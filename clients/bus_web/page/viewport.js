@@ -112,10 +112,13 @@ export class Viewport {
     this.place.scrollTo((x - this.box.x) * this.scale - this.place.clientWidth / 2, (y - this.box.y) * this.scale - this.place.clientHeight / 2);
   }
 
-  // Scroll to a box unless all of it is in sight.
-  show({ x, y, width, height }) {
+  // Whether all of a box is in sight.
+  has({ x, y, width, height }) {
     const left = (x - width / 2 - this.box.x) * this.scale - this.place.scrollLeft, top = (y - height / 2 - this.box.y) * this.scale - this.place.scrollTop;
-    const isIn = left >= 0 && top >= 0 && left + width * this.scale <= this.place.clientWidth && top + height * this.scale <= this.place.clientHeight;
-    if (!isIn) this.centre(x, y);
+    return left >= 0 && top >= 0 && left + width * this.scale <= this.place.clientWidth && top + height * this.scale <= this.place.clientHeight;
+  }
+
+  show(box) {
+    if (!this.has(box)) this.centre(box.x, box.y);
   }
 }
