@@ -6,7 +6,7 @@
 import { LABEL_HEIGHT } from "./edge.js";
 
 const SPACES = { rankdir: "LR", nodesep: 14, edgesep: 10 };
-const GAP = 48, MORE = 4, MOST = 160; // between columns; the more lines meet at a box, the wider
+const GAP = 40, MORE = 4, MOST = 160; // between columns; the more lines meet at a box, the wider
 const STEP = 9; // between the ends of lines at one side of a box
 
 // `boxes`: by id, { width, height, isRound }. `edges`: by id, { from, to, room }: the width of its label, 0 for none.
