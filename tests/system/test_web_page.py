@@ -459,6 +459,8 @@ def test_a_phone(server: Serving, page: Page) -> None:
         assert 844 / 3 < top < 844 * 0.6
         assert bottom == 844
         assert page.run(f"{place} return bottom", row) <= top, "the chosen row stays in sight"
+        page.run("const sheet = document.getElementById('sheet'); sheet.scrollTo(0, sheet.scrollHeight)")
+        assert page.run(f"{place} return top", "#detail .title button") >= top, "it can always be closed"
         page.run("document.getElementById('severity').focus()")
         assert page.run(f"{place} return bottom", "#severity") <= top, "no focus below the sheet"
         page.run("document.querySelector(arguments[0]).focus()", "#detail .values")
