@@ -94,8 +94,8 @@ NIGHTLY = test-nightly test-uptime test-nohup native sanitize arm wheels mutants
 nightly: $(TOOLS) ## all that is slow: every test and combination, sanitizers, mutants, chaos, fuzz, soak
 	@$(MAKE) --no-print-directory --keep-going --jobs 1 $(NIGHTLY)
 
-test-benchmarks: $(TOOLS) ## the tests of the benchmarks, which `test` leaves out: they take a minute
-	$(PYTEST) --nightly $(PYTEST_ARGS) tests/unit/benchmarks
+test-landing: $(TOOLS) ## slow tests that `test` leaves out, and those of the benchmarks: two minutes
+	$(PYTEST) --landing $(PYTEST_ARGS)
 
 # In asyncio's debug mode, which finds calls from the wrong thread. It costs a tenth of the suite's processor time.
 test-nightly: $(TOOLS) $(VISION_STAMP)

@@ -228,6 +228,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         action="store_true",
         help="the tests marked nightly too, each loop with each route and not two of the four, more examples",
     )
+    parser.addoption("--landing", action="store_true", help="only the tests marked landing")
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -240,8 +241,10 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         if isinstance(item, pytest.Function) and asyncio.iscoroutinefunction(item.obj):
             item.obj = bounded(item.obj)
     if not config.getoption("--nightly"):
-        config.hook.pytest_deselected(items=[item for item in items if not _is_daily(item)])
-        items[:] = [item for item in items if _is_daily(item)]
+        lands = config.getoption("--landing")
+        chosen = [item for item in items if _is_chosen(item, lands=lands)]
+        config.hook.pytest_deselected(items=list({*items} - {*chosen}))
+        items[:] = chosen
 
 
 @pytest.hookimpl(wrapper=True)
@@ -265,8 +268,11 @@ def frozen() -> None:
     gc.freeze()
 
 
-def _is_daily(item: pytest.Item) -> bool:
-    return item.get_closest_marker("nightly") is None and _is_in_half(item)
+def _is_chosen(item: pytest.Item, *, lands: bool) -> bool:
+    """Whether a run without --nightly has the test; `lands`: it has only the tests marked landing."""
+    if item.get_closest_marker("nightly") is not None:
+        return False
+    return (item.get_closest_marker("landing") is not None) is lands and _is_in_half(item)
 
 
 def _is_in_half(item: pytest.Item) -> bool:

@@ -172,6 +172,7 @@ async def test_it_ends_and_its_mirrors_with_it(world: Made) -> None:
         )
 
 
+@pytest.mark.landing
 async def test_many_nodes_at_once_and_quiet_afterwards(world: Made) -> None:
     async with world() as made:
         left, right, _, other = await made.pair()

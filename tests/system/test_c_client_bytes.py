@@ -19,6 +19,8 @@ from bus_cli.interface.c_fields import c_name
 from daily_types import daily_part
 from effort import is_nightly
 
+pytestmark = pytest.mark.landing
+
 FRAMES = json.loads((c_programs.ROOT / "docs" / "assets" / "frames.json").read_text())
 HEAD_BYTES = 8
 ROUNDS = 3

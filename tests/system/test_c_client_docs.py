@@ -18,6 +18,8 @@ from conftest import SOON_S
 from programs import on_one_loop, running_command
 from semantics import KEEP_ALL, node
 
+pytestmark = pytest.mark.landing
+
 __all__ = ["node"]
 
 PAGE = (c_programs.ROOT / "docs" / "c.md").read_text()

@@ -17,6 +17,8 @@ from bus.node import Node
 from cli import Result, bus, start
 from programs import on_one_loop
 
+pytestmark = pytest.mark.landing
+
 FEW = ("--count", "50", "--warm-up", "0.02")
 LONG = ("--seconds", "600", "--warm-up", "0")
 

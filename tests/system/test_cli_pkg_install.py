@@ -13,6 +13,8 @@ import pytest
 
 from packaged import VERSION, WAIT_S, run_bus, sources
 
+pytestmark = pytest.mark.landing
+
 
 @pytest.fixture
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:

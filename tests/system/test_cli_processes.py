@@ -9,6 +9,8 @@ from bus_cli.main import COMMANDS, VERBS_WITH_VERBS
 from cli import bus, script
 from effort import is_nightly
 
+pytestmark = pytest.mark.landing
+
 WORLD = """
 import asyncio, bus
 from bus.msg.std_msgs import String

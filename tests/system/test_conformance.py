@@ -75,6 +75,7 @@ async def test_the_library_itself_passes() -> None:
     assert [mark for mark, _ in outcomes].count("-") == 2
 
 
+@pytest.mark.landing
 @on_one_loop
 async def test_each_mistake_is_found_by_its_story() -> None:
     """Daily only the first mistake of each story, and both about frames that are cut."""

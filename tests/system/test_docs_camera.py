@@ -14,6 +14,8 @@ from conftest import WAIT_S, Daemon
 from pages import ROOT, Start
 from tutorials import Tutorial
 
+pytestmark = pytest.mark.landing
+
 PAGE = (ROOT / "docs" / "camera.md").read_text()
 HOME = "/home/you"
 EXACT = ("area: 1600", "area: 3200", "largest: 3200", "Integer value is: 100")

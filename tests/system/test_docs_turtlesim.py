@@ -11,7 +11,7 @@ from pages import ROOT, Program, Shown, Start, check, console, shape
 SHOWN = console((ROOT / "docs" / "turtlesim.md").read_text())
 NODE = "bus run turtlesim turtlesim_node"
 
-pytestmark = pytest.mark.usefixtures("daemon")
+pytestmark = [pytest.mark.landing, pytest.mark.usefixtures("daemon")]
 
 
 def wait_for(program: Program, shown: Shown) -> None:

@@ -285,6 +285,7 @@ def _fill(package: Path) -> None:
     (package / "setup.py").write_text(filled)
 
 
+@pytest.mark.landing
 @pytest.mark.skipif(
     not (importlib.util.find_spec("pip") and importlib.util.find_spec("setuptools")),
     reason="needs pip and setuptools",

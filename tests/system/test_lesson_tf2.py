@@ -12,6 +12,8 @@ import pytest
 from cli import bus
 from programs import Program, on_one_loop, running
 
+pytestmark = pytest.mark.landing
+
 RUN = ("-m", "bus_cli", "run")
 CHAPTER = (
     (Path(__file__).parents[2] / "docs" / "lesson.md")

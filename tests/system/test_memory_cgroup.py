@@ -19,7 +19,7 @@ from chaos import cgroup as cgroups
 from conftest import WAIT_S, Daemon
 from neighbours import wait_until
 
-pytestmark = pytest.mark.usefixtures("daemon")
+pytestmark = [pytest.mark.landing, pytest.mark.usefixtures("daemon")]
 
 MiB = 1 << 20
 LIMIT_MIB = 120

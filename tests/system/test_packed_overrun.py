@@ -9,6 +9,8 @@ import pytest
 
 from bus_bridge.packed import RECORD
 
+pytestmark = pytest.mark.landing
+
 ends = pytest.importorskip("shm_ends", reason="the native core was not built")
 _SIZE, _KINDS = 700, 256
 """The size of a payload, a good part of the ring's 4096 bytes. Each byte is the sample's number minus one."""

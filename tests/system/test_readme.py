@@ -208,6 +208,7 @@ def test_the_lesson_page_prints_its_first_two_programs() -> None:
         assert printed[name] == (ROOT / "tests" / "lesson" / name).read_text()
 
 
+@pytest.mark.landing
 @pytest.mark.parametrize("step", STEPS[1:], ids=lambda step: step.splitlines()[0].strip("# "))
 def test_the_steps_of_the_lesson_page(step: str, daemon: Daemon, lesson: Path, start: Start) -> None:
     """The programs of a step still run while later commands are typed."""

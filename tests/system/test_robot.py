@@ -18,6 +18,8 @@ from bus.msg.geometry_msgs import Twist, Vector3
 from bus.msg.sensor_msgs import Image
 from programs import EXAMPLES, assert_nothing_is_left, example, on_one_loop, running
 
+pytestmark = pytest.mark.landing
+
 ROBOT = EXAMPLES / "robot"
 LAYERS = ("perception", "cognition", "actuation", "monitoring")
 

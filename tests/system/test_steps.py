@@ -10,7 +10,7 @@ from bus.shm import has_core
 from callcount import CallCounter
 from stepcount import allocations, steps, system_calls
 
-pytestmark = pytest.mark.usefixtures("daemon")
+pytestmark = [pytest.mark.landing, pytest.mark.usefixtures("daemon")]
 
 by_shared_memory = pytest.mark.parametrize("route", [pytest.param("shm", id="memory")], indirect=True)
 by_socket = pytest.mark.parametrize("route", ["socket"], indirect=True)

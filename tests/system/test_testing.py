@@ -85,6 +85,7 @@ def run_pytest(folder: Path, *options: str) -> str:
     return done.stdout
 
 
+@pytest.mark.landing
 @pytest.mark.parametrize("workers", ["0", pytest.param("2", marks=pytest.mark.nightly)])
 def test_the_example_of_the_page(tmp_path: Path, workers: str) -> None:
     """Workers of pytest-xdist have their own buses, as each test has."""

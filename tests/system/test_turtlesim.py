@@ -279,6 +279,7 @@ async def test_keys_need_a_terminal(sim: Sim) -> None:
     assert program.lines[0] == "turtle_teleop_key reads keys from a terminal, and stdin is none"
 
 
+@pytest.mark.landing
 @on_one_loop
 async def test_a_turtle_follows_a_frame(sim: Sim, tmp_path: Path) -> None:
     """The demonstration of ROS 2's tutorials on tf2."""

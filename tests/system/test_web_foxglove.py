@@ -149,6 +149,7 @@ async def compare(server: Serving, subprotocol: str) -> dict[str, int]:
     return same
 
 
+@pytest.mark.landing
 @pytest.mark.parametrize("subprotocol", [SDK, pytest.param(OLDER, marks=pytest.mark.nightly)])
 def test_every_channel_of_the_robot(robot: None, subprotocol: str) -> None:
     with serving() as server:

@@ -13,6 +13,8 @@ from benchmarks.systems import BUS
 from benchmarks.work import Work
 from effort import is_nightly
 
+pytestmark = pytest.mark.landing
+
 pytest.importorskip("mcap")
 
 

@@ -21,7 +21,7 @@ from benchmarks.machine import ROOT, Machine, look_at_machine
 from benchmarks.report import Column, Comparison, Result, Row, Section
 from benchmarks.work import Stamped, Work, arrivals, text_of
 
-pytestmark = pytest.mark.nightly
+pytestmark = pytest.mark.landing
 
 MACHINE = Machine("Some CPU", 2, True, 8.0, "Linux 6", "CPython 3.11", {"msgspec": "0.19"}, "abc+", 0.5)
 

@@ -21,7 +21,7 @@ def _or_skip(system: System) -> System:
     return system
 
 
-@pytest.mark.nightly
+@pytest.mark.landing
 @pytest.mark.parametrize("system", [PLAIN_ZENOH, NUMBERED_ZENOH, BY_ZENOH, TO_DDS, FROM_DDS], ids=_name)
 def test_what_is_paced_arrives_with_its_stamps(system: System) -> None:
     work = Work(size=64, count=50, warm_up=10, rate=500, take_by=system.takes_by)
@@ -29,14 +29,14 @@ def test_what_is_paced_arrives_with_its_stamps(system: System) -> None:
     assert 0 < found["p50"] <= found["p99"]
 
 
-@pytest.mark.nightly
+@pytest.mark.landing
 @pytest.mark.parametrize("system", [PLAIN_ZENOH, NUMBERED_ZENOH, BY_ZENOH, TO_DDS, FROM_DDS], ids=_name)
 def test_a_flood_loses_nothing(system: System) -> None:
     work = Work(size=64, count=3000, warm_up=100, take_by=system.takes_by)
     assert throughput.measure(_or_skip(system), work)["per_s"] > 0
 
 
-@pytest.mark.nightly
+@pytest.mark.landing
 def test_a_crowd_and_a_far_side_that_hangs() -> None:
     _or_skip(BY_ZENOH)
     found = bridge.measure_crowd(Crowd(10, "/crowd"), 0.1)

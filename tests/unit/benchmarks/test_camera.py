@@ -17,7 +17,7 @@ from benchmarks.plan import Plan
 from benchmarks.systems import BUS_BYTES, ICEORYX, RCLPY, ROS, ROS_LARGE, ZENOH, System
 from benchmarks.work import IMAGE, Work
 
-pytestmark = pytest.mark.nightly
+pytestmark = pytest.mark.landing
 
 READER = """
 import json, os, sys

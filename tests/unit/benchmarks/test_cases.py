@@ -38,7 +38,7 @@ from benchmarks.work import Work
 from bus.transport import memory
 from bus_cli.bench.figures import bytes_text
 
-pytestmark = pytest.mark.nightly
+pytestmark = pytest.mark.landing
 
 QUICK, THOROUGH = Plan(quick=True, repetitions=1), Plan(quick=False, repetitions=2)
 

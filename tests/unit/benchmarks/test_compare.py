@@ -12,7 +12,7 @@ from benchmarks.figures import Spread
 from benchmarks.machine import Machine
 from benchmarks.report import Column, Comparison, Result, Row, Section
 
-pytestmark = pytest.mark.nightly
+pytestmark = pytest.mark.landing
 
 MACHINE = Machine("Some CPU", 2, True, 8.0, "Linux 6", "CPython 3.11", {"msgspec": "0.19"}, "abc", 0.5)
 COLUMNS = [

@@ -17,7 +17,7 @@ from benchmarks.plan import Plan
 from benchmarks.systems import BUS, System
 from bus import shm
 
-pytestmark = pytest.mark.nightly
+pytestmark = pytest.mark.landing
 
 
 @pytest.fixture

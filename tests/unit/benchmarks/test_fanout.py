@@ -24,7 +24,7 @@ from benchmarks.systems import (
 )
 from benchmarks.work import Work
 
-pytestmark = pytest.mark.nightly
+pytestmark = pytest.mark.landing
 
 # --- accounting, with a system that says what the test wants
 

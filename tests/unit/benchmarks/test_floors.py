@@ -13,7 +13,7 @@ from benchmarks.machine import ROOT
 from benchmarks.systems import C_FLOOR, C_SOCKET, System
 from benchmarks.work import Work
 
-pytestmark = [pytest.mark.nightly, pytest.mark.skipif(not shutil.which("gcc"), reason="gcc is not there")]
+pytestmark = [pytest.mark.landing, pytest.mark.skipif(not shutil.which("gcc"), reason="gcc is not there")]
 
 FLOORS = [pytest.param(C_FLOOR, id="shm"), pytest.param(C_SOCKET, id="socket")]
 

@@ -15,7 +15,7 @@ from benchmarks.harness import Failure
 from benchmarks.plan import Plan
 from benchmarks.systems import BUS, BUS_SOCKET, System
 
-pytestmark = pytest.mark.nightly
+pytestmark = pytest.mark.landing
 
 
 @pytest.mark.parametrize(("processes", "topics"), [(3, 8), (20, 250), (20, 1000)])

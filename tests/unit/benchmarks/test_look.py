@@ -6,7 +6,7 @@ from benchmarks import look
 
 pytest.importorskip("textual", reason="bus top's screen is textual's")
 
-pytestmark = pytest.mark.nightly
+pytestmark = pytest.mark.landing
 
 
 def test_looks_and_the_start_are_measured() -> None:

@@ -26,7 +26,7 @@ from benchmarks.systems import (
     tuned,
 )
 
-pytestmark = pytest.mark.nightly
+pytestmark = pytest.mark.landing
 
 MACHINE = Machine("Some CPU", 2, True, 8.0, "Linux 6", "CPython 3.11", {"msgspec": "0.19"}, "abc", 0.5)
 MIB = 1 << 20

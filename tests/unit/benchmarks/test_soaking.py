@@ -24,7 +24,7 @@ from benchmarks.soaking.slope import Quantity, after_warm_up, fit
 from benchmarks.soaking.usage import QUANTITIES, Usage
 from bus_cli.bench.figures import percentile
 
-pytestmark = pytest.mark.nightly
+pytestmark = pytest.mark.landing
 
 MEMORY = Quantity("RSS MiB", step=2.0, per_hour=4.0, digits=1)
 TWENTY_MINUTES = [5.0 * number for number in range(240)]

@@ -17,7 +17,7 @@ from benchmarks.harness import Failure
 from benchmarks.systems import BUS, BUS_SOCKET, PYZMQ, RIVALS, System
 from benchmarks.work import TOPIC
 
-pytestmark = pytest.mark.nightly
+pytestmark = pytest.mark.landing
 
 
 def _or_skip(system: System) -> System:

@@ -8,7 +8,7 @@ from benchmarks.harness import START_S, Group
 from benchmarks.systems import CYCLONE, ECAL, ICEORYX, ZENOH, System
 from benchmarks.work import AT_ONCE, HEAD, Work
 
-pytestmark = pytest.mark.nightly
+pytestmark = pytest.mark.landing
 
 LIMIT_S = 30.0
 PEERS = pytest.mark.parametrize("system", [ZENOH, ECAL, CYCLONE, ICEORYX], ids=lambda system: system.name)

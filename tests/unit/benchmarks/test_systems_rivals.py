@@ -11,7 +11,7 @@ from benchmarks.harness import START_S, Child, Failure, Group
 from benchmarks.systems import NATS, PIPE, PYZMQ, PYZMQ_PROXY, QUEUE, REDIS, RIVALS, ROS, System
 from benchmarks.work import AT_ONCE, Work
 
-pytestmark = pytest.mark.nightly
+pytestmark = pytest.mark.landing
 
 LARGEST = 4 << 20
 ALL = [PIPE, QUEUE, PYZMQ, PYZMQ_PROXY, NATS, REDIS]

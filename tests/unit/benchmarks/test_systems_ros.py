@@ -12,7 +12,7 @@ from benchmarks.machine import ROOT, look_at_machine
 from benchmarks.systems import RCLPY, ROS, ROS_LARGE, System
 from benchmarks.work import Work
 
-pytestmark = pytest.mark.nightly
+pytestmark = pytest.mark.landing
 
 BOTH = pytest.mark.parametrize("system", [RCLPY, ROS], ids=lambda system: system.name)
 

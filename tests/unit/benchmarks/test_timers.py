@@ -48,7 +48,7 @@ def test_what_is_compared(monkeypatch: pytest.MonkeyPatch) -> None:
     assert len(goals) >= 6
 
 
-@pytest.mark.nightly
+@pytest.mark.landing
 @pytest.mark.parametrize("name", ["busd, uvloop", "call_later, asyncio", "busd, rclpy", "rclpy, Fast DDS"])
 def test_each_is_measured(name: str) -> None:
     system, ticks = timers.ways(Ticks(500.0, 0.2))[name]

@@ -29,6 +29,7 @@ def known_as(definition: str, name: str) -> Any:
     return store
 
 
+@pytest.mark.landing
 @for_each("name", partial(daily_part, MESSAGES))
 def test_bytes_definition_and_hash_are_those_of_rosbags(name: str) -> None:
     schema = bus.MessageSchema.of(message_class(name))
