@@ -24,6 +24,25 @@ def heard(client: Client, subscription: Subscription[Numbered]) -> list[int]:
     return [number for _, number in client.take(subscription)]
 
 
+def test_a_ring_keeps_the_largest_depth_of_its_matches() -> None:
+    world = ClientWorld()
+    talker, listener, other = (world.client(shares=True) for _ in range(3))
+    publisher = talker.publisher(LAST_10)
+    world.settle()
+    ring = publisher._sender.ring
+    assert ring is not None
+    listener.subscription(QoSProfile(50))
+    other.subscription(QoSProfile(20))
+    world.settle()
+    assert ring.gates.keep == 50
+    listener.die()
+    world.settle()
+    assert ring.gates.keep == 20
+    other.die()
+    world.settle()
+    assert ring.gates.keep == 10
+
+
 def test_a_reader_that_lives_and_does_not_come_back_is_waited_for_so_long_and_no_longer() -> None:
     world = ClientWorld()
     talker, listener = world.client(shares=True), world.client(shares=True)
