@@ -95,7 +95,7 @@ nightly: $(TOOLS) ## all that is slow: every test and combination, sanitizers, m
 	@$(MAKE) --no-print-directory --keep-going --jobs 1 $(NIGHTLY)
 
 test-landing: $(TOOLS) ## slow tests that `test` leaves out, and those of the benchmarks: two minutes
-	$(PYTEST) --landing $(PYTEST_ARGS)
+	$(PYTEST) --landing -m landing $(PYTEST_ARGS)
 
 # In asyncio's debug mode, which finds calls from the wrong thread. It costs a tenth of the suite's processor time.
 test-nightly: $(TOOLS) $(VISION_STAMP)

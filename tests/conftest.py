@@ -228,7 +228,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         action="store_true",
         help="the tests marked nightly too, each loop with each route and not two of the four, more examples",
     )
-    parser.addoption("--landing", action="store_true", help="only the tests marked landing")
+    parser.addoption("--landing", action="store_true", help="the tests marked landing too")
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -269,10 +269,10 @@ def frozen() -> None:
 
 
 def _is_chosen(item: pytest.Item, *, lands: bool) -> bool:
-    """Whether a run without --nightly has the test; `lands`: it has only the tests marked landing."""
+    """Whether a run without --nightly has the test; `lands`: it has the tests marked landing too."""
     if item.get_closest_marker("nightly") is not None:
         return False
-    return (item.get_closest_marker("landing") is not None) is lands and _is_in_half(item)
+    return (lands or item.get_closest_marker("landing") is None) and _is_in_half(item)
 
 
 def _is_in_half(item: pytest.Item) -> bool:

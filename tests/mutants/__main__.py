@@ -15,6 +15,7 @@ import sys
 import tempfile
 import time
 import tomllib
+from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from queue import SimpleQueue
@@ -26,6 +27,7 @@ LIMIT_S = 100
 """The longest run of a mutant's tests; longer, and they hang."""
 LIMIT_OF_ALL_S = 1200
 """The longest run of all these tests on the unbroken tree."""
+_KILLED, _SURVIVED, _NOT_RUN = "killed", "SURVIVED", "NOT RUN"
 _FAILED = 1
 """pytest's status if tests failed; it has others if they could not be run."""
 _FOLDERS = ("busd", "clients", "tests", "examples", "benchmarks", "docs")
@@ -78,9 +80,9 @@ def main(words: list[str]) -> int:
             return 1
         for tree in others:
             shutil.copytree(first, tree)
-        killed = _killed(trees, mutants)
-    print(f"{len(mutants)} mutants, {len(mutants) - killed} survived")
-    return killed < len(mutants)
+        found = _outcomes(trees, mutants)
+    print(f"{len(mutants)} mutants, {found[_SURVIVED]} survived, {found[_NOT_RUN]} not run")
+    return found[_KILLED] < len(mutants)
 
 
 def read() -> list[Mutant]:
@@ -110,24 +112,24 @@ def _copy(tree: Path) -> None:
         shutil.copy2(ROOT / name, tree)
 
 
-def _killed(trees: list[Path], mutants: list[Mutant]) -> int:
-    """The number of killed mutants. In each tree, one after the other is made."""
+def _outcomes(trees: list[Path], mutants: list[Mutant]) -> Counter[str]:
+    """How many mutants have each outcome. In each tree, one after the other is made."""
     free: SimpleQueue[Path] = SimpleQueue()
     for tree in trees:
         free.put(tree)
 
-    def is_killed(mutant: Mutant) -> bool:
+    def outcome(mutant: Mutant) -> str:
         tree = free.get()
         try:
-            return _is_killed(tree, mutant)
+            return _outcome(tree, mutant)
         finally:
             free.put(tree)
 
     with ThreadPoolExecutor(len(trees)) as pool:
-        return sum(pool.map(is_killed, mutants))
+        return Counter(pool.map(outcome, mutants))
 
 
-def _is_killed(tree: Path, mutant: Mutant) -> bool:
+def _outcome(tree: Path, mutant: Mutant) -> str:
     path, began = tree / mutant.file, time.monotonic()
     source = path.read_text()
     built = [core for folder in _CORES for core in (tree / folder).glob("*.so")] if mutant.is_in_core else []
@@ -136,16 +138,16 @@ def _is_killed(tree: Path, mutant: Mutant) -> bool:
     try:
         if mutant.is_in_core:
             _build_core(tree)
-        word = "killed" if _fails(tree, mutant.tests) else "SURVIVED"
+        word = _KILLED if _fails(tree, mutant.tests) else _SURVIVED
     except RuntimeError as error:
         print(error)
-        word = "NOT RUN"
+        word = _NOT_RUN
     finally:
         path.write_text(source)
         for core, content in cores.items():
             core.write_bytes(content)
     print(f"{word:<8} {time.monotonic() - began:5.1f} s  {mutant.file}: {mutant.breaks}", flush=True)
-    return word == "killed"
+    return word
 
 
 def _build_core(tree: Path) -> None:
@@ -212,7 +214,7 @@ def _pytest_fails(tree: Path, tests: list[str]) -> bool:
 def _pytest(tree: Path, tests: list[str], limit_s: float, *options: str) -> subprocess.CompletedProcess[str]:
     paths = os.pathsep.join([str(tree), str(tree / "clients")])
     return subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", *options, "-p", "no:cacheprovider", *tests],
+        [sys.executable, "-m", "pytest", "-q", "--landing", *options, "-p", "no:cacheprovider", *tests],
         cwd=tree,
         env=os.environ | {"PYTHONPATH": paths, "PYTHONDONTWRITEBYTECODE": "1"},
         capture_output=True,
