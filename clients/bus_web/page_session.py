@@ -8,6 +8,8 @@ from bus_web import page_protocol as protocol
 from bus_web.hub import Hub, Watcher
 from bus_web.outbox import Outbox
 from bus_web.page_log import PageLog
+from bus_web.page_playback import PagePlayback
+from bus_web.playback import Playback
 from bus_web.sender import Sender, Socket
 from bus_web.shared_subscriptions import Heard
 from bus_web.tree import tree_of
@@ -35,9 +37,9 @@ class _Look:
 
 
 class PageSession(Watcher):
-    """Speaks `busd.page.v1` on `socket` until that ends (`run`)."""
+    """Speaks `busd.page.v1` on `socket` until that ends (`run`). With a `playback` the page controls that."""
 
-    def __init__(self, hub: Hub, socket: Socket, bus: str) -> None:
+    def __init__(self, hub: Hub, socket: Socket, bus: str, playback: Playback | None = None) -> None:
         self._hub = hub
         self._socket = socket
         self._bus = bus
@@ -47,11 +49,15 @@ class PageSession(Watcher):
         self._is_graph_due = self._is_first = True
         self._looks: dict[str, _Look] = {}
         self._log = PageLog(hub.subscriptions, self._sender)
+        self._playback = playback
+        self._player: PagePlayback | None = None
 
     async def run(self) -> None:
         """Raises Mistake for an invalid request, and the socket's exception when the socket ends."""
         self._notify("hello", bus=self._bus)
         sending = self._loop.create_task(self._sender.run())
+        if self._playback is not None:
+            self._player = PagePlayback(self._playback, self._sender)
         try:
             async with self._hub.watching(self):
                 if self._hub.is_lost:
@@ -62,6 +68,8 @@ class PageSession(Watcher):
                     self._on_frame(await self._socket.recv())
         finally:
             sending.cancel()
+            if self._player is not None:
+                await self._player.close()
             self._watch({})
             self._log.show(on=False)
             self._sender.close()
@@ -115,8 +123,12 @@ class PageSession(Watcher):
         said = protocol.read(frame)
         if isinstance(said, protocol.Look):
             self._watch(said.topics)
-        else:
+        elif isinstance(said, protocol.Log):
             self._log.show(on=said.on)
+        elif self._player is not None:
+            self._player.ask(said)
+        else:
+            raise protocol.Mistake("no bag is played here: start bus web with --bag")
 
     def _watch(self, topics: dict[str, list[str]]) -> None:
         for topic in [*self._looks]:

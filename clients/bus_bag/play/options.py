@@ -22,6 +22,8 @@ class PlayOptions(msgspec.Struct, frozen=True, kw_only=True):
     """Remappings such as `old:=new`."""
     is_looping: bool = False
     is_paused: bool = False
+    stays_at_end: bool = False
+    """At the end it pauses there, until a seek, a resume or `stop`. A loop never is at the end."""
     start_offset: int = 0
     duration: int | None = None
     until: int | None = None

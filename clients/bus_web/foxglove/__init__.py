@@ -4,6 +4,7 @@
                                                             +-- `publishing.py`  a client publishes
                                                             +-- `calls.py`       services
                                                             +-- `parameters.py`  parameters of nodes
+                                                            +-- `playing.py`     a bag
                                                             +-- `connections.py` endpoints of topics
 
 `formats.py` describes types and translates messages to CDR, once for all clients.

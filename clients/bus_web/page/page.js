@@ -7,6 +7,7 @@ import { setAttribute, setText } from "./dom.js";
 import { count, plural, rate, size } from "./format.js";
 import { Graph } from "./graph.js";
 import { Log } from "./log.js";
+import { Playback } from "./playback.js";
 import { Plots } from "./plot.js";
 import { Table } from "./table.js";
 
@@ -25,6 +26,7 @@ const table = new Table(the("table"), the("pages"), choose);
 const log = new Log(the("lines"), the("log-note"), the("severity"));
 const plots = new Plots(the("plots"), look);
 const detail = new Detail(the("detail"), { close: () => choose(null), plot: (topic, path) => plots.toggle(topic, path), look, choose });
+const playback = new Playback(the("playback"), (request) => connection.say("play", request));
 const missed = new Map();
 let name = "bus", isDue = false, isWanted = false, wasDrawn = false;
 
@@ -51,6 +53,9 @@ const hear = {
   },
   fault: (told) => detail.fault(told),
   log: (told) => log.add(told),
+  recording: (told) => playback.setRecording(told),
+  playback: (told) => playback.setState(told),
+  refused: (told) => playback.refused(told),
   bus: (told) => state("away", `busd is away: ${told.text}`),
   status(told) {
     for (const [topic, number] of Object.entries(told.dropped)) missed.set(topic, (missed.get(topic) ?? 0) + number);
