@@ -1,6 +1,7 @@
 """The part of a page's session about the playback of a recording: its state, and requests to it."""
 
 import asyncio
+from collections.abc import Callable
 from contextlib import ExitStack
 from math import ceil, floor
 from typing import Any
@@ -20,11 +21,15 @@ _NS_PER_S = 1_000_000_000
 
 
 class PagePlayback:
-    """Shows a playback on one page. `close` it in the end."""
+    """Shows a playback on one page. `close` it in the end.
 
-    def __init__(self, playback: Playback, sender: Sender) -> None:
+    `jumped` is called after a seek, before the page learns about it.
+    """
+
+    def __init__(self, playback: Playback, sender: Sender, jumped: Callable[[], None]) -> None:
         self._playback = playback
         self._sender = sender
+        self._jumped = jumped
         self._waiting: asyncio.Queue[Request] = asyncio.Queue(_MOST_WAITING)
         self._told: State | None = None
         self._stack = ExitStack()
@@ -66,6 +71,8 @@ class PagePlayback:
         state = self._playback.state
         if state == self._told:
             return
+        if self._told is not None and self._told.seeks != state.seeks:
+            self._jumped()
         self._told = state
         at_s = (state.at_ns - self._playback.recording.start_ns) / _NS_PER_S
         frame = protocol.message(

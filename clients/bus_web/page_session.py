@@ -4,6 +4,7 @@ import asyncio
 from time import monotonic
 from typing import Any
 
+from bus.subscription import MessageInfo
 from bus_web import page_protocol as protocol
 from bus_web.hub import Hub, Watcher
 from bus_web.outbox import Outbox
@@ -57,7 +58,7 @@ class PageSession(Watcher):
         self._notify("hello", bus=self._bus)
         sending = self._loop.create_task(self._sender.run())
         if self._playback is not None:
-            self._player = PagePlayback(self._playback, self._sender)
+            self._player = PagePlayback(self._playback, self._sender, self._forget_values)
         try:
             async with self._hub.watching(self):
                 if self._hub.is_lost:
@@ -151,6 +152,14 @@ class PageSession(Watcher):
         if topics and self._hub.has_looked and not self._sender.notices:
             self._send_details()
 
+    def _forget_values(self) -> None:
+        """Drop values that the page has not got yet: the recording is at another time now."""
+        for topic, look in self._looks.items():
+            if look.timer is not None:
+                look.timer.cancel()
+            look.timer = look.waiting = look.shown = None
+            self._sender.forget(topic)
+
     def _show(self, topic: str, look: _Look) -> None:
         look.timer = None
         heard, look.waiting = look.waiting, None
@@ -175,10 +184,17 @@ class PageSession(Watcher):
                 number=heard.number,
                 bytes=len(heard.payload),
                 at_ms=info.source_timestamp / 1e6,
-                age_ms=round((info.received_timestamp - info.source_timestamp) / 1e6, 3),
+                age_ms=round(self._age_ns(info) / 1e6, 3),
                 tree=tree,
             )
         self._sender.put(topic, frame)
+
+    def _age_ns(self, info: MessageInfo) -> int:
+        """The age of a message on arrival; of a recorded one, in the time of its recording."""
+        sent_ns, came_ns = info.source_timestamp, info.received_timestamp
+        if self._playback is not None and sent_ns <= self._playback.recording.end_ns:
+            came_ns = self._playback.state.at_ns
+        return came_ns - sent_ns
 
     # --- to the page
 

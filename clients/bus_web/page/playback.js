@@ -10,10 +10,11 @@ const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4, 10];
 const WORDS = { playing: "playing", paused: "paused", reading: "reading", "at end": "at the end" };
 
 export class Playback {
-  // `ask` sends an object with requests to the player.
-  constructor(root, ask) {
+  // `ask` sends an object with requests to the player; `jumped()` is called after each seek.
+  constructor(root, ask, jumped) {
     this.root = root;
     this.ask = ask;
+    this.jumped = jumped;
     this.recording = null;
     this.state = null;
     this.wanted = null; // a position asked for, until the player is there
@@ -49,7 +50,10 @@ export class Playback {
   setState(told) {
     const before = this.state;
     this.state = told;
-    if (this.wanted !== null && told.seeks !== (before?.seeks ?? told.seeks)) this.arrived();
+    if (before && told.seeks !== before.seeks) {
+      this.jumped();
+      if (this.wanted !== null) this.arrived();
+    }
     setText(this.play, told.status === "playing" || (told.status === "reading" && before?.status === "playing") ? "Pause bag" : "Play bag");
     this.step.disabled = told.status !== "paused";
     this.showSpeed(told.rate);

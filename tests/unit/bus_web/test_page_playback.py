@@ -8,6 +8,7 @@ from typing import Any
 import msgspec
 import pytest
 
+from bus.msg.std_msgs import String
 from bus_plot.loss_timeline import LossTimeline, Slot
 from bus_web import page_playback
 from bus_web.page_playback import recording_fields
@@ -75,6 +76,35 @@ async def test_states_and_refusals_reach_the_page() -> None:
         await until(lambda: told(world, "refused"))
         assert told(world, "refused") == [{"op": "refused", "text": "no next message"}]
     assert not playback.watchers
+
+
+async def test_the_age_of_a_recorded_message_is_in_the_time_of_its_recording() -> None:
+    world, playback = WebWorld(), ListPlayback()
+    chatter = world.add("publisher", "/player", "/chatter", String)
+    async with page(world, playback):
+        world.socket.said.put_nowait('{"op":"look","topics":{"/chatter":[]}}')
+        await until(lambda: world.node.subscriptions)
+        playback.change(at_ns=104 * S)
+        for number, sent_ns in enumerate((103 * S, 1000 * S)):  # the second one is not of the recording
+            world.publish(chatter, String(data="hello"), sent_ns=sent_ns, came_ns=1001 * S)
+            await until(lambda number=number: len(told(world, "value")) == number + 1)
+        assert [one["age_ms"] for one in told(world, "value")] == [1000, 1000]
+
+
+async def test_after_a_seek_no_value_from_before_comes() -> None:
+    world, playback = WebWorld(), ListPlayback()
+    chatter = world.add("publisher", "/player", "/chatter", String)
+    async with page(world, playback):
+        world.socket.said.put_nowait('{"op":"look","topics":{"/chatter":[]}}')
+        await until(lambda: world.node.subscriptions)
+        world.publish(chatter, String(data="shown"))
+        await until(lambda: told(world, "value"))
+        world.publish(chatter, String(data="waits for its turn"))
+        playback.change(seeks=1)
+        world.publish(chatter, String(data="after"))
+        await until(lambda: len(told(world, "value")) == 2)
+        ops = [one for one in world.socket.texts() if one["op"] in ("playback", "value")]
+        assert [one.get("seeks", one.get("number")) for one in ops] == [0, 1, 1, 3]
 
 
 async def test_a_page_that_does_not_read_gets_the_newest_state_only() -> None:
