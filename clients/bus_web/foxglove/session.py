@@ -177,7 +177,7 @@ class Session(Watcher):
 
     def looked(self, *, is_new: bool) -> None:
         if self._absence.end(self._loop.time()):
-            self._client.notify(protocol.text("removeStatus", statusIds=["bus"]))
+            self._client.remove_status("bus")
         self._has_looked.set()
         self._news.set()
 
