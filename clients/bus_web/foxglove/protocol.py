@@ -35,6 +35,7 @@ __all__ = [
     "Unsubscribe",
     "UnsubscribeConnectionGraph",
     "UnsubscribeParameterUpdates",
+    "asset",
     "asset_missing",
     "call_failure",
     "first_of",
@@ -61,7 +62,7 @@ MOST_TEXT = 1 << 20
 _MOST_STATUS = 500
 """Characters of a status: it may quote a client's text."""
 _PUBLISH, _CALL, _PLAYBACK_REQUEST = 1, 2, 3
-_MESSAGE, _TIME, _RESPONSE, _PLAYBACK_STATE = 1, 2, 3, 5
+_MESSAGE, _TIME, _RESPONSE, _ASSET, _PLAYBACK_STATE = 1, 2, 3, 4, 5
 _PLAYBACK_HEAD = struct.Struct("<BfBQI")
 """Command, speed, whether to seek, time, length of the id."""
 _MOST_ID = 1000
@@ -164,7 +165,7 @@ class UnsubscribeConnectionGraph(msgspec.Struct, tag="unsubscribeConnectionGraph
 
 
 class FetchAsset(msgspec.Struct, tag="fetchAsset", tag_field="op"):
-    """The client wants a file; this server has none."""
+    """The client wants a file."""
 
     uri: str = ""
     request_id: Id = msgspec.field(name="requestId", default=0)
@@ -329,7 +330,12 @@ def parameter_values(parameters: Iterable[Parameter], id: str | None = None) -> 
     return text("parameterValues", parameters=list(parameters), **more)
 
 
+def asset(request_id: int, data: bytes) -> bytes:
+    """The frame with a file."""
+    return struct.pack("<BIBI", _ASSET, request_id, 0, 0) + data
+
+
 def asset_missing(request_id: int, error: str) -> bytes:
-    """The frame that says that there is no such file."""
-    name = error.encode()
-    return struct.pack("<BIBI", 4, request_id, 1, len(name)) + name
+    """The frame with the reason why there is no such file."""
+    name = error.encode(errors="replace")
+    return struct.pack("<BIBI", _ASSET, request_id, 1, len(name)) + name

@@ -13,6 +13,7 @@ from bus.base.version import RELEASE
 from bus.errors import BusError
 from bus_ros.cdr import CdrError
 from bus_web.foxglove import protocol
+from bus_web.foxglove.assets import Assets
 from bus_web.foxglove.calls import Calls
 from bus_web.foxglove.channels import Channels
 from bus_web.foxglove.client import Client
@@ -64,6 +65,7 @@ class ServerInfo(msgspec.Struct, frozen=True, kw_only=True):
             "parametersSubscribe": True,
             "time": has_clock or playback is not None,
             "playbackControl": playback is not None,
+            "assets": True,
             "clientPublish": self.permissions.publish,
             "services": self.permissions.call,
         }
@@ -132,6 +134,7 @@ class Session(Watcher):
         self._clock = Clock()
         self._connections: ConnectionGraph | None = None
         self._parameters = Parameters(hub, client)
+        self._assets = Assets(client)
         self._playing = Playing(playback, client) if playback is not None else None
         self._publishing = Publishing(hub, client) if permissions.publish else None
         self._calls = Calls(hub, formats, client, may_set=permissions.set) if permissions.call else None
@@ -292,7 +295,8 @@ class Session(Watcher):
             case protocol.UnsubscribeConnectionGraph():
                 self._connections = None
             case protocol.FetchAsset():
-                self._client.notify(protocol.asset_missing(said.request_id, "files are not served here"))
+                if not self._begin(self._assets.fetch(said)):
+                    self._client.notify(protocol.asset_missing(said.request_id, _TOO_MANY))
             case protocol.GetParameters():
                 self._begin(self._get_parameters(said), _TOO_MANY)
             case protocol.SetParameters():

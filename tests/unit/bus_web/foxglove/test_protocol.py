@@ -129,4 +129,5 @@ def test_frames_of_the_server() -> None:
     assert msgspec.json.decode(said) == {"op": "status", "level": 2, "message": "x" * 497 + "...", "id": "id"}
     told = msgspec.json.decode(protocol.parameter_values([protocol.Parameter("/n.p", 1)], "q"))
     assert told == {"op": "parameterValues", "parameters": [{"name": "/n.p", "value": 1}], "id": "q"}
+    assert protocol.asset(9, b"mesh") == b"\x04" + struct.pack("<IBI", 9, 0, 0) + b"mesh"
     assert protocol.asset_missing(9, "no") == b"\x04" + struct.pack("<IBI", 9, 1, 2) + b"no"
