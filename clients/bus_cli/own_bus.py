@@ -1,7 +1,9 @@
 """A bus of its own for one verb, so that it changes nothing on the user's bus."""
 
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+import asyncio
+import signal
+from collections.abc import AsyncIterator, Iterator
+from contextlib import asynccontextmanager, contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -18,8 +20,11 @@ _IDLE_EXIT_S = 30
 
 @asynccontextmanager
 async def own_bus() -> AsyncIterator[Path]:
-    """A busd in a temporary folder; yields the path of its socket. At the end both are gone."""
-    with TemporaryDirectory(prefix="busd-") as folder:
+    """A busd in a temporary folder; yields the path of its socket. At the end both are gone.
+
+    Meanwhile the end of the terminal (SIGHUP) ends the verb like SIGTERM: it would leave the folder behind.
+    """
+    with _ending_with_the_terminal(), TemporaryDirectory(prefix="busd-") as folder:
         path = Path(folder) / "busd.sock"
         try:
             await start(path, ("--idle-exit", str(_IDLE_EXIT_S)))
@@ -29,3 +34,16 @@ async def own_bus() -> AsyncIterator[Path]:
             yield path
         finally:
             stop(path)
+
+
+@contextmanager
+def _ending_with_the_terminal() -> Iterator[None]:
+    if signal.getsignal(signal.SIGHUP) is not signal.SIG_DFL:  # as under nohup
+        yield
+        return
+    loop = asyncio.get_running_loop()
+    loop.add_signal_handler(signal.SIGHUP, signal.raise_signal, signal.SIGTERM)
+    try:
+        yield
+    finally:
+        loop.remove_signal_handler(signal.SIGHUP)

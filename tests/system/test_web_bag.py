@@ -69,7 +69,7 @@ def test_a_recorded_bag_is_played_by_a_page_on_a_bus_of_its_own(tmp_path: Path) 
 
 def test_a_viewer_controls_it(tmp_path: Path) -> None:
     bag = numbers(tmp_path / "bag", 0, 1000, 2000, 3_600_000)
-    with opened(bag) as (server, _), looking(server) as viewer:
+    with opened(bag) as (server, socket), looking(server) as viewer:
         info = viewer.hear("serverInfo")
         assert "playbackControl" in info["capabilities"]
         assert info["dataStartTime"] == {"sec": START // 10**9, "nsec": START % 10**9}
@@ -87,6 +87,8 @@ def test_a_viewer_controls_it(tmp_path: Path) -> None:
                 time_ns, data = next_message(viewer, 1.0)
         assert int.from_bytes(data[4:], "little") == 2000
         assert 0 <= time_ns - START - 2_000_000_000 < 10**9 * WAIT_S
+        assert server.running.end(signal.SIGHUP).code == -signal.SIGTERM
+    assert not socket.parent.exists()
 
 
 def ask(viewer: Foxglove, id: str, *, pause: bool = False, seek_ns: int | None = None) -> None:
