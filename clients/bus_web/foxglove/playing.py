@@ -46,7 +46,9 @@ class Playing:
 
     async def ask(self, said: protocol.PlaybackRequest) -> None:
         """Pass a request on; the answer is the state after it."""
-        request = Request(seek_ns=said.seek_ns, rate=said.speed, is_paused=said.is_paused)
+        # The speed has 32 bits: the nearest one to 0.1 means 0.1.
+        rate = float(f"{said.speed:.7g}")
+        request = Request(seek_ns=said.seek_ns, rate=rate, is_paused=said.is_paused)
         if refusal := await self._playback.ask(request):
             self._client.say(Level.WARNING, refusal, "playback")
         self._send(said.id)

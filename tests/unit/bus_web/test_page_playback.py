@@ -97,14 +97,16 @@ async def test_after_a_seek_no_value_from_before_comes() -> None:
     async with page(world, playback):
         world.socket.said.put_nowait('{"op":"look","topics":{"/chatter":[]}}')
         await until(lambda: world.node.subscriptions)
-        world.publish(chatter, String(data="shown"))
-        await until(lambda: told(world, "value"))
-        world.publish(chatter, String(data="waits for its turn"))
+        world.socket.may_send.clear()
+        playback.change(rate=2.0)
+        await turns()  # that state is on its way, and the next frames wait
+        world.publish(chatter, String(data="before"))
         playback.change(seeks=1)
+        world.socket.may_send.set()
         world.publish(chatter, String(data="after"))
-        await until(lambda: len(told(world, "value")) == 2)
+        await until(lambda: told(world, "value"))
         ops = [one for one in world.socket.texts() if one["op"] in ("playback", "value")]
-        assert [one.get("seeks", one.get("number")) for one in ops] == [0, 1, 1, 3]
+        assert [one.get("seeks", one.get("number")) for one in ops] == [0, 0, 1, 2]
 
 
 async def test_a_page_that_does_not_read_gets_the_newest_state_only() -> None:

@@ -73,11 +73,11 @@ async def test_a_request_is_answered_by_the_state_after_it() -> None:
     world, playback = WebWorld(), ListPlayback()
     async with session(world, playback):
         await until(lambda: states(world))
-        ask(world, "first", speed=2.0, seek_ns=105 * S)
+        ask(world, "first", speed=0.1, seek_ns=105 * S)
         ask(world, "second", pause=True)
         await until(lambda: len(states(world)) == 3)
         assert playback.asked == [
-            Request(seek_ns=105 * S, rate=2.0, is_paused=False),
+            Request(seek_ns=105 * S, rate=0.1, is_paused=False),
             Request(rate=1.0, is_paused=True),
         ]
         assert [one.id for one in states(world)[1:]] == ["first", "second"]
