@@ -26,9 +26,9 @@ const table = new Table(the("table"), the("pages"), choose);
 const log = new Log(the("lines"), the("log-note"), the("severity"));
 const plots = new Plots(the("plots"), look);
 const detail = new Detail(the("detail"), { close: () => choose(null), plot: (topic, path) => plots.toggle(topic, path), look, choose });
-const playback = new Playback(the("playback"), (request) => connection.say("play", request), () => plots.clear());
 const missed = new Map();
 let name = "bus", isDue = false, isWanted = false, wasDrawn = false;
+const playback = new Playback(the("playback"), (request) => connection.say("play", request), () => plots.clear());
 
 const hear = {
   hello(told) {
