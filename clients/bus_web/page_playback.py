@@ -1,11 +1,11 @@
 """The part of a page's session about the playback of a recording: its state, and requests to it."""
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
-from math import ceil, floor
 from typing import Any
 
+from bus.base.counted import counted
 from bus_web import page_protocol as protocol
 from bus_web.playback import Losses, Playback, Recording, Request, State
 from bus_web.sender import Sender
@@ -14,10 +14,11 @@ __all__ = ["PagePlayback", "recording_fields"]
 
 _MOST_WAITING = 16
 """Requests of a page that wait for the player; more are refused."""
-_MOST_BARS, _MOST_TOPICS, _MOST_BURSTS = 120, 20, 20
+_BARS, _MOST_TOPICS, _MOST_BURSTS = 120, 3, 12
 _STATE = "playback"
 """Stands for a topic in the outbox; no topic is called so."""
 _NS_PER_S = 1_000_000_000
+_DAY_S = 86_400
 
 
 class PagePlayback:
@@ -88,41 +89,47 @@ class PagePlayback:
 
 
 def recording_fields(recording: Recording) -> dict[str, Any]:
-    """The frame about a recording: its name and length, and when messages were lost.
+    """The frame about a recording: its length, and when messages were lost.
 
-    Times are seconds from its start on. At most 20 topics, the ones with most losses.
+    Times are seconds from its start on. `bars`: messages lost in equal parts of the recording, of all topics
+    together. `bursts`: the largest ones, by time, each with its begin and a text.
     """
     start_s, end_s = recording.start_ns / _NS_PER_S, recording.end_ns / _NS_PER_S
-    fields: dict[str, Any] = {
-        "name": recording.name,
-        "start_ms": recording.start_ns / 1e6,
-        "span_s": round(end_s - start_s, 3),
-        "losses": None,
-    }
-    if recording.losses is None:
-        return fields
-    most_first = sorted(recording.losses.items(), key=lambda one: (-one[1].lost, one[0]))
-    fields["losses"] = [_row(name, one, start_s, end_s) for name, one in most_first[:_MOST_TOPICS]]
-    fields["more"] = max(0, len(most_first) - _MOST_TOPICS)
-    return fields
-
-
-def _row(name: str, one: Losses, start_s: float, end_s: float) -> dict[str, Any]:
-    """Losses of a topic. Bars are whole seconds wide, because the recorder counts in seconds."""
-    begin_s = floor(start_s)
-    width_s = max(1, ceil((end_s - begin_s) / _MOST_BARS))
-    number = max(1, ceil((end_s - begin_s) / width_s))
-    bars = one.timeline.bars(begin_s, begin_s + number * width_s, number)
+    losses = recording.losses or {}
+    bars = [0.0] * _BARS
+    for one in losses.values():
+        parts = one.timeline.bars(start_s, max(end_s, start_s + 1), _BARS)
+        bars = [whole + part for whole, part in zip(bars, parts, strict=True)]
     return {
-        "topic": name,
-        "lost": one.lost,
-        "expected": one.expected,
-        "begin_s": round(begin_s - start_s, 6),
-        "width_s": width_s,
-        "bars": [float(f"{value:.3g}") for value in bars],
-        "bursts": [
-            [round(burst.at_s - start_s, 6), burst.span_s, burst.lost]
-            for burst in one.timeline.bursts(_MOST_BURSTS)
-        ],
-        "earlier": one.timeline.earlier,
+        "start_ms": recording.start_ns / 1e6 if start_s > _DAY_S else None,  # else its time is simulated
+        "span_s": round(end_s - start_s, 3),
+        "note": f"{recording.name}: {_note(recording)}",
+        "bars": [float(f"{value:.3g}") for value in bars] if losses else [],
+        "bursts": _bursts(losses, start_s, end_s),
     }
+
+
+def _note(recording: Recording) -> str:
+    if recording.losses is None:
+        return "it has no record of losses; only bus bag record writes one"
+    most_first = sorted(recording.losses.items(), key=lambda one: (-one[1].lost, one[0]))
+    if not most_first:
+        return "the recorder lost no messages"
+    texts = [f"{name} lost {one.lost:,} of {one.expected:,}" for name, one in most_first[:_MOST_TOPICS]]
+    if (more := len(most_first) - len(texts)) > 0:
+        texts.append(f"{counted(more, 'more topic')}")
+    return f"while recording, {'; '.join(texts)}"
+
+
+def _bursts(losses: Mapping[str, Losses], start_s: float, end_s: float) -> list[tuple[float, str]]:
+    found = [(name, burst) for name, one in losses.items() for burst in one.timeline.bursts(_MOST_BURSTS)]
+    largest = sorted(found, key=lambda one: -sum(one[1].lost.values()))[:_MOST_BURSTS]
+    rows = []
+    for name, burst in sorted(largest, key=lambda one: (one[1].at_s, one[0])):
+        lost = ", ".join(
+            f"{count:,} {reason.replace('_', ' ')}" for reason, count in burst.lost.items() if count
+        )
+        span = f" in {burst.span_s} s" if burst.span_s > 1 else ""
+        at_s = min(max(burst.at_s, start_s), end_s) - start_s
+        rows.append((round(at_s, 6), f"{name} lost {lost}{span}"))
+    return rows

@@ -63,7 +63,14 @@ async def test_states_and_refusals_reach_the_page() -> None:
     async with page(world, playback):
         await until(lambda: told(world, "playback"))
         assert told(world, "recording") == [
-            {"op": "recording", "name": "walk", "start_ms": 1e5, "span_s": 10, "losses": [], "more": 0}
+            {
+                "op": "recording",
+                "start_ms": None,
+                "span_s": 10,
+                "note": "walk: the recorder lost no messages",
+                "bars": [],
+                "bursts": [],
+            }
         ]
         state = {"op": "playback", "status": "paused", "at_s": 0, "rate": 1, "messages": 0, "seeks": 0}
         assert told(world, "playback") == [state]
@@ -158,26 +165,43 @@ async def test_an_invalid_request_ends_the_session(has_bag: bool, fields: dict[s
 
 
 def test_losses_are_bars_over_the_time_of_the_bag() -> None:
-    timeline = LossTimeline.of([Slot(102, 1, {"replaced": 6}), Slot(103, 1, {"replaced": 2})], {"other": 1})
-    some = {"/quiet": Losses(1, 5, LossTimeline.of([], {"other": 1})), "/imu": Losses(9, 20, timeline)}
-    fields = recording_fields(Recording("walk", 100 * S + S // 2, 104 * S + S // 2, some))
-    imu, quiet = fields["losses"]
-    assert (imu["topic"], imu["lost"], imu["expected"], imu["earlier"]) == ("/imu", 9, 20, {"other": 1})
-    assert (imu["begin_s"], imu["width_s"], imu["bars"]) == (-0.5, 1, [0, 0, 6, 2, 0])
-    assert imu["bursts"] == [[1.5, 2, {"replaced": 8}]]
-    assert (quiet["topic"], quiet["bars"], quiet["bursts"]) == ("/quiet", [0] * 5, [])
+    timeline = LossTimeline.of([Slot(102, 1, {"replaced": 6}), Slot(103, 1, {"replaced": 6})], {"other": 1})
+    later = LossTimeline.of([Slot(104, 1, {"recorder_cache": 1000})])
+    some = {
+        "/quiet": Losses(1, 5, LossTimeline.of([], {"other": 1})),
+        "/imu": Losses(13, 20, timeline),
+        "/image": Losses(1000, 2000, later),
+    }
+    fields = recording_fields(Recording("walk", 100 * S, 110 * S, some))
+    assert fields["note"] == (
+        "walk: while recording, /image lost 1,000 of 2,000; /imu lost 13 of 20; /quiet lost 1 of 5"
+    )
+    assert len(fields["bars"]) == 120
+    assert fields["bars"][23:25] == [0, 0.5] and round(sum(fields["bars"])) == 1012
+    assert fields["bursts"] == [
+        (2, "/imu lost 12 replaced in 2 s"),
+        (4, "/image lost 1,000 recorder cache"),
+    ]
 
 
-def test_a_long_bag_has_few_bars_and_many_topics_are_cut() -> None:
-    one = Losses(1, 1, LossTimeline.of([Slot(3600, 1, {"replaced": 1})]))
-    many = {f"/topic_{number:02}": one for number in range(25)}
+def test_the_largest_of_many_losses_are_named() -> None:
+    slots = [Slot(10 * number, 1, {"replaced": number}) for number in range(1, 50)]
+    one = Losses(1225, 5000, LossTimeline.of(slots))
+    small = Losses(1, 1, LossTimeline.of([Slot(3600, 1, {"replaced": 1})]))
+    many = {"/imu": one, **{f"/topic_{number:02}": small for number in range(25)}}
     fields = recording_fields(Recording("day", 0, 86_400 * S, many))
-    assert (len(fields["losses"]), fields["more"]) == (20, 5)
-    row = fields["losses"][0]
-    assert (row["topic"], row["width_s"], len(row["bars"]), sum(row["bars"])) == ("/topic_00", 720, 120, 1)
+    assert fields["note"].endswith("/topic_00 lost 1 of 1; /topic_01 lost 1 of 1; 23 more topics")
+    assert [at_s for at_s, _ in fields["bursts"]] == [10 * number for number in range(38, 50)]
 
 
 def test_a_bag_without_a_record_and_a_bag_of_one_moment() -> None:
-    assert recording_fields(Recording("walk", S, S, None))["losses"] is None
-    one = Losses(1, 1, LossTimeline.of([Slot(1, 1, {"replaced": 1})]))
-    assert recording_fields(Recording("walk", S, S, {"/a": one}))["losses"][0]["bars"] == [1]
+    assert recording_fields(Recording("walk", 100_000 * S, 100_001 * S, {}))["start_ms"] == 1e8
+    fields = recording_fields(Recording("walk", S, S, None))
+    assert (fields["note"], fields["bars"]) == (
+        "walk: it has no record of losses; only bus bag record writes one",
+        [],
+    )
+    early = Losses(1, 1, LossTimeline.of([Slot(0, 1, {"replaced": 1}), Slot(1, 1, {"replaced": 1})]))
+    fields = recording_fields(Recording("walk", S + 5, S + 5, {"/a": early}))
+    assert round(sum(fields["bars"])) == 1
+    assert fields["bursts"] == [(0, "/a lost 2 replaced in 2 s")]  # from before its first message on
