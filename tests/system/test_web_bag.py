@@ -136,30 +136,30 @@ def test_mistakes_get_one_line(tmp_path: Path) -> None:
 def test_the_page_has_a_bar(tmp_path: Path) -> None:
     with opened(numbers(tmp_path / "bag", 0, 1000, 3_600_000)) as (server, _), chromium() as page:
         page.open(server.page)
-        page.wait("return document.querySelector('#playback').hidden === false")
-        shown = "return document.querySelector('#playback [role=status]').textContent"
+        page.wait("return document.querySelector('#bag').hidden === false")
+        shown = "return document.querySelector('#bag [role=status]').textContent"
         page.wait(shown, fits=lambda text: text == "paused")
-        assert page.texts("#playback .note") == [
+        assert page.texts("#bag .note") == [
             "bag: it has no record of losses; only bus bag record writes one"
         ]
-        page.press("#playback button")
+        page.press("#bag button")
         page.wait(shown, fits=lambda text: text == "playing")
         page.run(
-            "const slider = document.querySelector('#playback [type=range]');"
+            "const slider = document.querySelector('#bag [type=range]');"
             "for (const at of [100, 200, 1800])"
             "{ slider.value = at; slider.dispatchEvent(new Event('input')); }"
         )
-        time: Any = "return document.querySelector('#playback span').textContent"
+        time: Any = "return document.querySelector('#bag span').textContent"
         page.wait(time, fits=lambda text: text.startswith("30:0"))
-        page.press("#playback button")
+        page.press("#bag button")
         page.wait(shown, fits=lambda text: text == "paused")
-        page.press("#playback button + button")
+        page.press("#bag button + button")
         page.wait(time, fits=lambda text: text.startswith("60:00.0 / 60:00.0"))
         page.wait(shown, fits=lambda text: text == "at end")
         page.run(
-            "const speed = document.querySelector('#playback [type=number]');"
+            "const speed = document.querySelector('#bag [type=number]');"
             "speed.value = 0; speed.dispatchEvent(new Event('change'));"
         )
         page.wait(shown, fits=lambda text: text == "0 is not a rate from 1e-9 to 1e9")
-        assert page.run("return document.querySelector('#playback [type=number]').value") == "1"
+        assert page.run("return document.querySelector('#bag [type=number]').value") == "1"
         assert page.console() == []

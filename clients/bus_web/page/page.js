@@ -1,5 +1,6 @@
 // What the page is put together of, and what goes from one part to another.
 
+import { Bag } from "./bag.js";
 import { Bus } from "./bus.js";
 import { Connection } from "./connection.js";
 import { Detail } from "./detail.js";
@@ -7,7 +8,6 @@ import { setAttribute, setText } from "./dom.js";
 import { count, plural, rate, size } from "./format.js";
 import { Graph } from "./graph.js";
 import { Log } from "./log.js";
-import { Playback } from "./playback.js";
 import { Plots } from "./plot.js";
 import { Table } from "./table.js";
 
@@ -28,7 +28,7 @@ const plots = new Plots(the("plots"), look);
 const detail = new Detail(the("detail"), { close: () => choose(null), plot: (topic, path) => plots.toggle(topic, path), look, choose });
 const missed = new Map();
 let name = "bus", isDue = false, isWanted = false, wasDrawn = false;
-const playback = new Playback(the("playback"), (request) => connection.say("play", request), () => plots.clear());
+const bag = new Bag(the("bag"), (request) => connection.say("play", request));
 
 const hear = {
   hello(told) {
@@ -53,9 +53,9 @@ const hear = {
   },
   fault: (told) => detail.fault(told),
   log: (told) => log.add(told),
-  recording: (told) => playback.setRecording(told),
-  playback: (told) => playback.setState(told),
-  refused: (told) => playback.refused(told),
+  recording: (told) => bag.open(told),
+  playback: (told) => bag.state(told) && plots.clear(),
+  refused: (told) => bag.refused(told),
   bus: (told) => state("away", `busd is away: ${told.text}`),
   status(told) {
     for (const [topic, number] of Object.entries(told.dropped)) missed.set(topic, (missed.get(topic) ?? 0) + number);

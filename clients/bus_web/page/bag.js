@@ -3,26 +3,26 @@
 import { element, setAttribute, setText, svg } from "./dom.js";
 import { bars } from "./losses.js";
 
-export class Playback {
-  // `ask` sends requests to the player; `jumped()` is called after each seek.
-  constructor(root, ask, jumped) {
-    Object.assign(this, { root, ask, jumped });
+export class Bag {
+  // `ask` sends requests to the player.
+  constructor(root, ask) {
+    Object.assign(this, { root, ask });
     this.button = (text, onclick) => element("button", { type: "button", onclick }, text);
-    this.play = this.button("", () => ask({ paused: this.state.status === "playing" }));
+    this.play = this.button("", () => ask({ paused: this.now.status === "playing" }));
     this.step = this.button("Next message", () => ask({ step: true }));
     this.speed = element("input", { type: "number", min: 0.1, step: 0.1, onchange: () => ask({ rate: Number(this.speed.value) }) });
     this.time = element("span");
     this.status = element("span", { role: "status" });
     this.path = svg("path");
     this.strip = svg("svg", { viewBox: "0 0 120 26", class: "past", role: "img", "aria-label": "Losses while recording", preserveAspectRatio: "none" }, this.path);
-    this.slider = element("input", { type: "range", step: "any", "aria-label": "Position in seconds", oninput: () => this.seek(Number(this.slider.value)) });
+    this.slider = element("input", { type: "range", step: "any", "aria-label": "Position", oninput: () => this.seek(Number(this.slider.value)) });
     this.note = element("p", { class: "note" });
     this.bursts = element("p");
     root.append(element("p", {}, this.play, this.step, element("label", {}, "Speed ", this.speed), this.time, this.status), this.strip, this.slider, this.note, this.bursts);
   }
 
-  setRecording(told) {
-    Object.assign(this, { recording: told, state: null, wanted: null, next: null });
+  open(told) {
+    Object.assign(this, { recording: told, now: null, wanted: null, next: null });
     this.root.hidden = false;
     setText(this.note, told.note);
     setAttribute(this.slider, "max", told.span_s);
@@ -31,23 +31,22 @@ export class Playback {
     this.bursts.replaceChildren(...told.bursts.map(([at, text]) => this.button(`${this.clock(at)}: ${text}`, () => this.seek(at))));
   }
 
-  setState(told) {
-    const before = this.state;
-    this.state = told;
-    if (before && told.seeks !== before.seeks) {
-      this.jumped();
-      this.arrived();
-    }
+  // Returns whether the time of the bag has jumped.
+  state(told) {
+    const before = this.now, jumped = before && told.seeks !== before.seeks;
+    this.now = told;
+    if (jumped) this.arrived();
     setText(this.play, told.status === "playing" ? "Pause bag" : "Play bag");
     this.step.disabled = told.status !== "paused";
     if (told.rate !== before?.rate) this.speed.value = told.rate;
     setText(this.status, told.status);
     this.show();
+    return jumped;
   }
 
   refused(told) {
     setText(this.status, told.text);
-    this.speed.value = this.state.rate;
+    this.speed.value = this.now.rate;
     this.arrived();
   }
 
@@ -65,14 +64,14 @@ export class Playback {
   }
 
   show() {
-    const at = this.next ?? this.wanted ?? this.state.at_s;
+    const at = this.next ?? this.wanted ?? this.now.at_s;
     this.slider.value = at;
     setText(this.time, `${duration(at)} / ${duration(this.recording.span_s)}, ${this.clock(at)}`);
   }
 
   clock(at_s) {
-    if (this.recording.start_ms === null) return duration(at_s);
-    return new Date(Math.round(this.recording.start_ms + at_s * 1000)).toTimeString().slice(0, 8);
+    const { start_ms } = this.recording;
+    return start_ms === null ? duration(at_s) : new Date(Math.round(start_ms + at_s * 1000)).toTimeString().slice(0, 8);
   }
 }
 
