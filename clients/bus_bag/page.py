@@ -52,7 +52,14 @@ class PlayerControl(Playback):
     def state(self) -> State:
         progress = self._player.progress
         at_ns = min(max(progress.bag_ns, self._recording.start_ns), self._recording.end_ns)
-        return State(_STATUS[progress.status], at_ns, progress.rate, progress.messages, self._player.seeks)
+        return State(
+            _STATUS[progress.status],
+            self._player.is_paused,
+            at_ns,
+            progress.rate,
+            progress.messages,
+            self._player.seeks,
+        )
 
     async def ask(self, request: Request) -> str:
         player = self._player

@@ -79,6 +79,7 @@ class PagePlayback:
         frame = protocol.message(
             "playback",
             status=state.status.value,
+            paused=state.is_paused,
             at_s=round(at_s, 3),
             rate=state.rate,
             messages=state.messages,

@@ -30,6 +30,8 @@ class State(NamedTuple):
     """The player now."""
 
     status: Status
+    is_paused: bool
+    """It can be paused and read at the same time."""
     at_ns: int
     """The position: a time of the recording's clock."""
     rate: float

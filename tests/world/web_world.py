@@ -157,7 +157,7 @@ class ListPlayback(Playback):
     """
 
     def __init__(self) -> None:
-        self.now = State(Status.PAUSED, 100 * _S, 1.0, 0, 0)
+        self.now = State(Status.PAUSED, True, 100 * _S, 1.0, 0, 0)
         self.about = Recording("walk", 100 * _S, 110 * _S, {})
         self.asked: list[Request] = []
         self.refusal = ""

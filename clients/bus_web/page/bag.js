@@ -8,7 +8,7 @@ export class Bag {
   constructor(root, ask) {
     Object.assign(this, { root, ask });
     this.button = (text, onclick) => element("button", { type: "button", onclick }, text);
-    this.play = this.button("", () => ask({ paused: this.now.status === "playing" }));
+    this.play = this.button("", () => ask({ paused: !this.now.paused }));
     this.step = this.button("Next message", () => ask({ step: true }));
     this.speed = element("input", { type: "number", min: 0.1, step: 0.1, onchange: () => ask({ rate: Number(this.speed.value) }) });
     this.time = element("span");
@@ -36,7 +36,7 @@ export class Bag {
     const before = this.now, jumped = before && told.seeks !== before.seeks;
     this.now = told;
     if (jumped) this.arrived();
-    setText(this.play, told.status === "playing" ? "Pause bag" : "Play bag");
+    setText(this.play, told.paused ? "Play bag" : "Pause bag");
     this.step.disabled = told.status !== "paused";
     if (told.rate !== before?.rate) this.speed.value = told.rate;
     setText(this.status, told.status);

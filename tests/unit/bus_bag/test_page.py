@@ -67,11 +67,12 @@ async def test_all_requests() -> None:
         assert await walk.ask(Request(step=True)) == ""
         assert (output.taken, walk.state.status, walk.state.messages) == ([0], Status.PAUSED, 1)
         assert await walk.ask(Request(seek_ns=5 * S, rate=100.0)) == ""
-        assert walk.state[1:3] == (5 * S, 100.0) and walk.state.seeks == 1
+        assert (walk.state.at_ns, walk.state.rate) == (5 * S, 100.0) and walk.state.seeks == 1
         assert await walk.ask(Request(is_paused=False)) == ""
         await until(lambda: walk.state.status is Status.AT_END)
         assert output.taken == [0, 5, 6, 7, 8, 9] and walk.state.at_ns == 9 * S
         assert await walk.ask(Request(is_paused=False)) == ""  # from the beginning again
+        assert (walk.state.status, walk.state.is_paused) == (Status.READING, False)
         await until(lambda: len(output.taken) == 16)
         assert output.taken[6:] == [*range(10)]
 

@@ -72,7 +72,8 @@ async def test_states_and_refusals_reach_the_page() -> None:
                 "bursts": [],
             }
         ]
-        state = {"op": "playback", "status": "paused", "at_s": 0, "rate": 1, "messages": 0, "seeks": 0}
+        state = {"op": "playback", "status": "paused", "paused": True, "at_s": 0}
+        state |= {"rate": 1, "messages": 0, "seeks": 0}
         assert told(world, "playback") == [state]
         playback.change(status=Status.PLAYING, at_ns=101_234_567_890, messages=3)
         playback.change()  # nothing is new
