@@ -133,12 +133,15 @@ def _joined(name: str, one: losses.TopicLosses, earlier: Losses | None) -> Losse
 
 
 def recording_of(bags: JoinedBags, paths: Sequence[Path]) -> Recording:
-    """The bags opened from `paths`, as one recording. Raises BagError if they have no messages, or a record
-    of losses is broken."""
+    """The bags opened from `paths`, as one recording. Raises BagError if they have no messages."""
     name = " + ".join(path.resolve().name for path in paths)
     if not bags.message_count:
         raise BagError(f"Nothing to play: {name} has no messages")
-    return Recording(name, bags.starting_time, bags.starting_time + bags.duration, recorded_losses(bags))
+    recording = Recording(name, bags.starting_time, bags.starting_time + bags.duration, None)
+    try:
+        return recording._replace(losses=recorded_losses(bags))
+    except BagError as error:  # its messages can be played nevertheless
+        return recording._replace(fault=str(error))
 
 
 async def play_on_page(

@@ -111,6 +111,8 @@ def recording_fields(recording: Recording) -> dict[str, Any]:
 
 
 def _note(recording: Recording) -> str:
+    if recording.fault:
+        return recording.fault
     if recording.losses is None:
         return "it has no record of losses; only bus bag record writes one"
     most_first = sorted(recording.losses.items(), key=lambda one: (-one[1].lost, one[0]))

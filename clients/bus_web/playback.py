@@ -69,6 +69,8 @@ class Recording(NamedTuple):
     end_ns: int
     losses: Mapping[str, Losses] | None
     """The topics that lost messages; None if the recorder did not count."""
+    fault: str = ""
+    """The reason why the recorder's counts can't be read."""
 
 
 class Playback(Protocol):

@@ -157,3 +157,5 @@ def test_mistakes_get_one_line() -> None:
         recording_of(bags(None, messages=0), [Path("/tmp/walk"), Path("run")])
     found = recording_of(bags(None), [Path("/tmp/walk")])
     assert found == Recording("walk", S, 3 * S, None)
+    found = recording_of(bags({"/imu": broken}), [Path("/tmp/walk")])
+    assert (found.losses, found.fault.partition(":")[0]) == (None, "the record of losses of '/imu' is broken")

@@ -202,6 +202,8 @@ def test_a_bag_without_a_record_and_a_bag_of_one_moment() -> None:
         "walk: it has no record of losses; only bus bag record writes one",
         [],
     )
+    broken = Recording("walk", S, S, None, "the record of losses of '/a' is broken")
+    assert recording_fields(broken)["note"] == "walk: the record of losses of '/a' is broken"
     early = Losses(1, 1, LossTimeline.of([Slot(0, 1, {"replaced": 1}), Slot(1, 1, {"replaced": 1})]))
     fields = recording_fields(Recording("walk", S + 5, S + 5, {"/a": early}))
     assert round(sum(fields["bars"])) == 1
