@@ -43,6 +43,9 @@ class PlayerControl(Playback):
         self._watchers: dict[object, Callable[[], None]] = {}
         self._polling: asyncio.TimerHandle | None = None
         self._told: State | None = None
+        self._jumped: Callable[[], None] | None = None
+        """Of the request that is being done."""
+        player.on_seek = self._on_seek
 
     @property
     def recording(self) -> Recording:
@@ -61,23 +64,28 @@ class PlayerControl(Playback):
             self._player.seeks,
         )
 
-    async def ask(self, request: Request) -> str:
-        player = self._player
+    async def ask(self, request: Request, jumped: Callable[[], None] | None = None) -> str:
         async with self._asking:
-            refusal = ""
-            if request.is_paused and not player.is_paused:
-                player.pause()
-            if request.seek_ns is not None and not await player.seek(request.seek_ns):
-                refusal = "the bag is no longer played"
-            if request.rate is not None and request.rate != player.rate and not player.set_rate(request.rate):
-                refusal = f"{request.rate:g} is not a rate from 1e-9 to 1e9"
-            if request.is_paused is False and player.is_paused:
-                player.resume()
-            if request.step and not await player.play_next():
-                refusal = (
-                    "no next message" if player.is_paused else "only a paused bag can be played by steps"
-                )
-            return refusal
+            self._jumped = jumped
+            try:
+                return await self._ask(request)
+            finally:
+                self._jumped = None
+
+    async def _ask(self, request: Request) -> str:
+        player = self._player
+        refusal = ""
+        if request.is_paused and not player.is_paused:
+            player.pause()
+        if request.seek_ns is not None and not await player.seek(request.seek_ns):
+            refusal = "the bag is no longer played"
+        if request.rate is not None and request.rate != player.rate and not player.set_rate(request.rate):
+            refusal = f"{request.rate:g} is not a rate from 1e-9 to 1e9"
+        if request.is_paused is False and player.is_paused:
+            player.resume()
+        if request.step and not await player.play_next():
+            refusal = "no next message" if player.is_paused else "only a paused bag can be played by steps"
+        return refusal
 
     @contextmanager
     def watching(self, changed: Callable[[], None]) -> Iterator[None]:
@@ -93,9 +101,17 @@ class PlayerControl(Playback):
                 self._polling.cancel()
                 self._polling = None
 
+    def _on_seek(self) -> None:
+        if self._jumped is not None:
+            self._jumped()
+        self._tell()
+
     def _look(self) -> None:
         """Look for changes: keys, services and the end of the bag change the state, too."""
         self._polling = asyncio.get_running_loop().call_later(_LOOK_S, self._look)
+        self._tell()
+
+    def _tell(self) -> None:
         state = self.state
         if state != self._told:
             self._told = state

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from bus_web.program import Options
 
 _CLOCK_HZ = 40.0
+_LOOK_BACK_NS = 2_000_000_000
+"""A seek shows the messages of the last two seconds, also in a pause."""
 _EPILOG = f"""\
 Served only on loopback or a unix socket, and only to clients with the token in the printed address. Clients
 can't publish, call services or set parameters without the options that allow it. See docs/look.md.
@@ -107,6 +109,7 @@ async def _play(args: Namespace) -> int:
         selection=Selection(),
         is_paused=True,
         stays_at_end=True,
+        look_back=_LOOK_BACK_NS,
         clock_hz=_CLOCK_HZ,
         has_keys=Keyboard.is_there(),
     )

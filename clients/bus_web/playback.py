@@ -38,7 +38,7 @@ class State(NamedTuple):
     messages: int
     """Messages published so far."""
     seeks: int
-    """Seeks done so far."""
+    """Seeks so far. After one, the position is new, and messages from there follow."""
 
 
 class Request(msgspec.Struct, frozen=True, kw_only=True):
@@ -82,11 +82,12 @@ class Playback(Protocol):
     @property
     def state(self) -> State: ...
 
-    async def ask(self, request: Request) -> str:
+    async def ask(self, request: Request, jumped: Callable[[], None] | None = None) -> str:
         """Pass a request on to the player; returns its refusal, or an empty text.
 
-        Requests are done in the order of their calls.
+        Requests are done in the order of their calls. `jumped` is called when the position is the one sought,
+        before messages from there.
         """
 
     def watching(self, changed: Callable[[], None]) -> AbstractContextManager[None]:
-        """In the block, `changed` is called after changes of the state, at most ten times a second."""
+        """In the block, `changed` is called after each seek, and ten times a second after other changes."""

@@ -173,9 +173,14 @@ class ListPlayback(Playback):
     def state(self) -> State:
         return self.now
 
-    async def ask(self, request: Request) -> str:
+    async def ask(self, request: Request, jumped: Callable[[], None] | None = None) -> str:
         await self.may_answer.wait()
         self.asked.append(request)
+        if request.seek_ns is not None and not self.refusal:
+            self.now = self.now._replace(seeks=self.now.seeks + 1, at_ns=request.seek_ns)
+            if jumped is not None:
+                jumped()
+            self.change()
         return self.refusal
 
     def change(self, **fields: Any) -> None:

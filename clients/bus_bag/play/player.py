@@ -75,7 +75,7 @@ class Player:
         self.messages = 0
         """Messages published so far, without messages of the latched state."""
         self.seeks = 0
-        """Seeks done so far."""
+        """Seeks so far whose target the time line has reached."""
         self._queue = queue
         self._outputs = outputs
         self._span = span
@@ -93,6 +93,8 @@ class Player:
         self._turn_ns = 0
         self.on_message: Callable[[], None] | None = None
         """Called after each message."""
+        self.on_seek: Callable[[], None] | None = None
+        """Called when the time line has jumped by a seek, before the messages from there."""
 
     async def __aenter__(self) -> Self:
         return self
@@ -266,11 +268,15 @@ class Player:
         start = self._span.start
         await self._go_to(start, None if self._span.is_whole else start, delay)
 
-    async def _go_to(self, time_ns: int, start: int | None, delay: int = 0) -> None:
+    async def _go_to(self, time_ns: int, start: int | None, delay: int = 0, *, is_seek: bool = False) -> None:
         """Read the messages from there on, then start the time line there."""
         async with self._reading:
             self._queue.start_at(start)
             self._time.jump(time_ns, monotonic_ns(), _FOR_EVER_NS)
+            if is_seek:
+                self.seeks += 1
+                if self.on_seek is not None:
+                    self.on_seek()
             await self._queue.wait(is_full=True)
             while (entry := self._queue.peek()) is not None and entry.is_state:
                 await self._publish(self._queue.pop())
@@ -333,9 +339,8 @@ class Player:
         self._seek = None
         is_there = False
         try:
-            await self._go_to(seek.target, seek.target)
+            await self._go_to(seek.target, seek.target, is_seek=True)
             is_there = True
-            self.seeks += 1
         finally:
             seek.end(is_there=is_there)
 

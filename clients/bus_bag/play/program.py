@@ -157,7 +157,13 @@ def _switching() -> Iterator[None]:
 @contextmanager
 def _reading_ahead(bags: JoinedBags, topics: Topics, options: PlayOptions) -> Iterator[ReadAheadQueue]:
     queue = ReadAheadQueue(
-        bags, topics.names, topics.depths, topics.decode, order=options.order, size=options.read_ahead
+        bags,
+        topics.names,
+        topics.depths,
+        topics.decode,
+        order=options.order,
+        size=options.read_ahead,
+        look_back=options.look_back,
     )
     try:
         yield queue

@@ -45,13 +45,23 @@ class Playing:
         self.follow()
 
     async def ask(self, said: protocol.PlaybackRequest) -> None:
-        """Pass a request on; the answer is the state after it."""
+        """Pass a request on. The answer is the state after it; if it seeks, the state after the jump, because
+        viewers forget the messages that came before."""
         # The speed has 32 bits: the nearest one to 0.1 means 0.1.
         rate = float(f"{said.speed:.7g}")
         request = Request(seek_ns=said.seek_ns, rate=rate, is_paused=said.is_paused)
-        if refusal := await self._playback.ask(request):
+        is_answered = False
+
+        def answer() -> None:
+            nonlocal is_answered
+            if not is_answered:
+                is_answered = True
+                self._send(said.id)
+
+        if refusal := await self._playback.ask(request, answer):
             self._client.say(Level.WARNING, refusal, "playback")
-        self._send(said.id)
+        answer()
+        self.follow()
 
     def close(self) -> None:
         """The client has gone."""

@@ -92,6 +92,22 @@ async def test_refusals() -> None:
     assert await walk.ask(Request(seek_ns=0)) == "the bag is no longer played"
 
 
+async def test_a_client_hears_of_a_jump_before_the_messages_from_there() -> None:
+    output = Output()
+    async with control(output) as walk:
+        heard: list[tuple[str, int, int, list[int]]] = []
+
+        def note(who: str) -> None:
+            heard.append((who, walk.state.seeks, walk.state.at_ns, [*output.taken]))
+
+        assert await walk.ask(Request(step=True)) == ""
+        with walk.watching(lambda: note("all")):
+            heard.clear()
+            assert await walk.ask(Request(seek_ns=5 * S, step=True), lambda: note("one")) == ""
+            assert heard[:2] == [("one", 1, 5 * S, [0]), ("all", 1, 5 * S, [0])]
+            assert output.taken == [0, 5]
+
+
 async def test_requests_at_once_are_done_in_their_order() -> None:
     async with control(Output()) as walk:
         asked = [walk.ask(Request(seek_ns=number * S, is_paused=bool(number % 2))) for number in (0, 9, 2, 3)]

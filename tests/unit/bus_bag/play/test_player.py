@@ -295,3 +295,16 @@ async def test_a_stepped_replay_is_at_its_end_after_the_last_message() -> None:
         await until(lambda: player.progress.status is Status.AT_END)
         player.stop()
         assert await task
+
+
+async def test_a_seek_is_announced_before_the_messages_from_there() -> None:
+    output = Output()
+    async with playing(Reader(0, 10, 20), output, is_paused=True) as player:
+        announced: list[tuple[int, int, list[int]]] = []
+        player.on_seek = lambda: announced.append((player.seeks, player.bag_time, [*output.taken]))
+        task = asyncio.create_task(player.play())
+        assert await player.play_next() and not announced
+        assert await player.seek(10 * MS)
+        player.resume()
+        assert await task
+        assert (output.taken, announced) == ([0, 1, 2], [(1, 10 * MS, [0])])

@@ -80,7 +80,7 @@ async def test_a_request_is_answered_by_the_state_after_it() -> None:
             Request(seek_ns=105 * S, rate=0.1, is_paused=False),
             Request(rate=1.0, is_paused=True),
         ]
-        assert [one.id for one in states(world)[1:]] == ["first", "second"]
+        assert [(one.id, one.did_seek) for one in states(world)[1:]] == [("first", True), ("second", False)]
 
 
 async def test_changes_are_told_and_the_mere_passing_of_time_is_not() -> None:
