@@ -233,7 +233,7 @@ class ReadAheadQueue:
         for message in self._bags.messages(start_ns - self._look_back, topics, self._order):
             if run.is_given_up:
                 return
-            if self._time(message) >= start_ns:
+            if start_ns <= self._time(message):
                 break
             found[message.topic] = message
         for message in sorted(found.values(), key=self._time):
