@@ -63,6 +63,10 @@ class Playing:
         answer()
         self.follow()
 
+    def answer(self, said: protocol.PlaybackRequest) -> None:
+        """Answer a request by the present state, without passing it on."""
+        self._send(said.id)
+
     def close(self) -> None:
         """The client has gone."""
         self._stack.close()

@@ -354,8 +354,8 @@ class Session(Watcher):
     def _play(self, said: protocol.PlaybackRequest) -> None:
         if self._playing is None:
             self._client.say(Level.ERROR, "nothing is played here: start bus web with --bag")
-        else:
-            self._begin(self._playing.ask(said), _TOO_MANY)
+        elif not self._begin(self._playing.ask(said), _TOO_MANY):
+            self._playing.answer(said)
 
     def _begin(self, work: Coroutine[Any, Any, None], refusal: str = "", *, size: int = 0) -> bool:
         """Run `work` concurrently; returns whether there is room. `size`: bytes that it keeps."""

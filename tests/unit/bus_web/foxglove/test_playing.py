@@ -128,6 +128,21 @@ async def test_a_viewer_that_is_behind_gets_the_newest_state_later() -> None:
         assert len(states(world)) < 100
 
 
+async def test_each_of_too_many_requests_is_answered() -> None:
+    world, playback = WebWorld(), ListPlayback()
+    playback.may_answer.clear()
+    async with session(world, playback):
+        for number in range(100):
+            ask(world, str(number), pause=True)
+        await until(lambda: len(states(world)) == 1 + 100 - 64)
+        playback.may_answer.set()
+        await until(lambda: len(states(world)) == 1 + 100)
+        assert {one.id for one in states(world)[1:]} == {str(number) for number in range(100)}
+        assert len(playback.asked) == 64
+        said = [one["message"] for one in world.socket.texts() if one["op"] == "status"]
+        assert said == ["too many calls and questions are under way"]
+
+
 async def test_messages_have_the_time_of_the_recording() -> None:
     world, playback = WebWorld(), ListPlayback()
     chatter = world.add("publisher", "/player", "/chatter", String)
