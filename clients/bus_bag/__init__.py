@@ -4,8 +4,8 @@
                                                           +-----> `info.py`, `convert.py`, `reindex.py`
 
 `metadata.py` has metadata.yaml, `profiles.py` QoS profiles in YAML, and `losses.py` counts missing messages.
-`life.py` is the base of the tables of states. `terminal/` has keys and the line of progress. The verbs of the
-command line are in `clients/bus_cli/bag/`.
+`page.py` plays a bag on the page of `bus web`. `life.py` is the base of the tables of states. `terminal/` has
+keys and the line of progress. The verbs of the command line are in `clients/bus_cli/bag/`.
 
 Invariants:
 
@@ -14,7 +14,8 @@ Invariants:
   counted reason.
 - A file may contain any bytes. Reading ends, raises only BagError and OSError, and uses limited memory.
 - A bag that was cut off anywhere (power, `kill -9`) is readable up to its last complete chunk.
-- Bags depend on `bus`, `bus_ros.cdr` and below, not on launches or transforms. import-linter checks this.
+- Bags depend on `bus`, `bus_ros.cdr` and below, and for the page on `bus_web.playback`; not on launches or
+  transforms. import-linter checks this.
 
 Read first: `storage/bag_file.py`, then `record/recorder.py` or `play/player.py`; docs/bag.md for users' view.
 

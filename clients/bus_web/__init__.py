@@ -4,6 +4,7 @@
                                                                  +-- `page_session.py` (one open page)
                                                                  +-- `foxglove/` (one client of Foxglove)
     bus --> `hub.py`, `shared_subscriptions.py` --> `model.py` (rows, rates) --> sessions
+    sessions --> `page_playback.py`, `foxglove/playing.py` --> `playback.py` --> the player (`bus_bag.page`)
     session --> `outbox.py` --> `sender.py` --> WebSocket
 
 `bus top` uses `model.py` and `rows.py`, too. `program.py` is `bus web`.
@@ -20,5 +21,5 @@ Invariants:
 Read first: `hub.py`, `server.py`, `page_protocol.py`.
 
 Tests: `tests/unit/bus_web/`, on `tests/world/web_world.py`; `tests/system/test_web.py`,
-`tests/system/test_web_page.py`.
+`tests/system/test_web_page.py`, `tests/system/test_web_bag.py`.
 """

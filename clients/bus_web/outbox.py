@@ -35,8 +35,9 @@ class SharedBudget:
 
     @property
     def bytes(self) -> int:
-        """Bytes of the frames queued for all clients."""
-        return sum([outbox.bytes for outbox in self._outboxes])
+        """Bytes of the messages queued for all clients. Notices have bounds of their own, and can't be
+        dropped: for a large one, other clients would lose messages without effect."""
+        return sum([outbox.bytes - outbox.notice_bytes for outbox in self._outboxes])
 
     def enter(self, outbox: "Outbox") -> None:
         """A client has come."""

@@ -12,16 +12,20 @@ fault                       | why no message of such a topic can be shown
 log                         | lines of /rosout
 status                      | how many messages the server has dropped because this page was slow
 bus                         | whether busd answers
+recording                   | of `bus web --bag`: name, length and losses of the bag: once
+playback                    | status, position and rate of the player, at most 10 times a second
+refused                     | why the player did not do what the page asked for
 
 from the page               | what
 ----------------------------|--------------------------------------------------------------------
 look                        | `topics`: names, each with the paths of arrays to be shown at length
 log                         | `on`: whether it shows the log
+play                        | `at_s`, `rate`, `paused`, `step`: requests to the player, each optional
 """
 
 from collections.abc import Iterable, Mapping
 from math import ceil
-from typing import Any
+from typing import Annotated, Any
 
 import msgspec
 
@@ -32,12 +36,26 @@ from bus_plot.loss_timeline import LossTimeline
 from bus_web.model import Model
 from bus_web.rows import Ages, TopicRow
 
-__all__ = ["SUBPROTOCOL", "Log", "Look", "Mistake", "Sent", "detail", "graph", "history", "message", "read"]
+__all__ = [
+    "SUBPROTOCOL",
+    "Log",
+    "Look",
+    "Mistake",
+    "Play",
+    "Said",
+    "Sent",
+    "detail",
+    "graph",
+    "history",
+    "message",
+    "read",
+]
 
 SUBPROTOCOL = "busd.page.v1"
 _MOST_LOOKS = 32
 _BARS = 60
 _MOST_BURSTS = 8
+_MOST_S = 1e10
 _encode = msgspec.json.encode
 
 
@@ -57,15 +75,27 @@ class Log(msgspec.Struct, tag="log", tag_field="op", forbid_unknown_fields=True)
     on: bool
 
 
-_decoder = msgspec.json.Decoder(Look | Log)
+class Play(msgspec.Struct, tag="play", tag_field="op", forbid_unknown_fields=True):
+    """Requests to the player of a recording."""
+
+    at_s: Annotated[float, msgspec.Meta(ge=0, le=_MOST_S)] | None = None
+    """Seconds from the start of the recording on."""
+    rate: float | None = None
+    paused: bool | None = None
+    step: bool = False
+    """Publish the next message; only while paused."""
 
 
-def read(frame: str | bytes) -> Look | Log:
+Said = Look | Log | Play
+_decoder = msgspec.json.Decoder(Said)
+
+
+def read(frame: str | bytes) -> Said:
     """Decode a frame of the page. Raises Mistake."""
     if isinstance(frame, bytes):
         raise Mistake("a page must send text frames")
     try:
-        said: Look | Log = _decoder.decode(frame)
+        said: Said = _decoder.decode(frame)
     except (msgspec.DecodeError, RecursionError) as error:
         raise Mistake(f"not understood: {error}") from None
     if isinstance(said, Look) and len(said.topics) > _MOST_LOOKS:

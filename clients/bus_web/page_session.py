@@ -4,10 +4,13 @@ import asyncio
 from time import monotonic
 from typing import Any
 
+from bus.subscription import MessageInfo
 from bus_web import page_protocol as protocol
 from bus_web.hub import Hub, Watcher
 from bus_web.outbox import Outbox
 from bus_web.page_log import PageLog
+from bus_web.page_playback import PagePlayback
+from bus_web.playback import Playback
 from bus_web.sender import Sender, Socket
 from bus_web.shared_subscriptions import Heard
 from bus_web.tree import tree_of
@@ -35,9 +38,9 @@ class _Look:
 
 
 class PageSession(Watcher):
-    """Speaks `busd.page.v1` on `socket` until that ends (`run`)."""
+    """Speaks `busd.page.v1` on `socket` until that ends (`run`). With a `playback` the page controls that."""
 
-    def __init__(self, hub: Hub, socket: Socket, bus: str) -> None:
+    def __init__(self, hub: Hub, socket: Socket, bus: str, playback: Playback | None = None) -> None:
         self._hub = hub
         self._socket = socket
         self._bus = bus
@@ -47,11 +50,15 @@ class PageSession(Watcher):
         self._is_graph_due = self._is_first = True
         self._looks: dict[str, _Look] = {}
         self._log = PageLog(hub.subscriptions, self._sender)
+        self._playback = playback
+        self._player: PagePlayback | None = None
 
     async def run(self) -> None:
         """Raises Mistake for an invalid request, and the socket's exception when the socket ends."""
         self._notify("hello", bus=self._bus)
         sending = self._loop.create_task(self._sender.run())
+        if self._playback is not None:
+            self._player = PagePlayback(self._playback, self._sender, self._forget_values)
         try:
             async with self._hub.watching(self):
                 if self._hub.is_lost:
@@ -62,6 +69,8 @@ class PageSession(Watcher):
                     self._on_frame(await self._socket.recv())
         finally:
             sending.cancel()
+            if self._player is not None:
+                await self._player.close()
             self._watch({})
             self._log.show(on=False)
             self._sender.close()
@@ -115,8 +124,12 @@ class PageSession(Watcher):
         said = protocol.read(frame)
         if isinstance(said, protocol.Look):
             self._watch(said.topics)
-        else:
+        elif isinstance(said, protocol.Log):
             self._log.show(on=said.on)
+        elif self._player is not None:
+            self._player.ask(said)
+        else:
+            raise protocol.Mistake("no bag is played here: start bus web with --bag")
 
     def _watch(self, topics: dict[str, list[str]]) -> None:
         for topic in [*self._looks]:
@@ -138,6 +151,14 @@ class PageSession(Watcher):
                     self._await_turn(topic, known, known.shown)
         if topics and self._hub.has_looked and not self._sender.notices:
             self._send_details()
+
+    def _forget_values(self) -> None:
+        """Drop values that the page has not got yet: the recording is at another time now."""
+        for topic, look in self._looks.items():
+            if look.timer is not None:
+                look.timer.cancel()
+            look.timer = look.waiting = look.shown = None
+            self._sender.forget(topic)
 
     def _show(self, topic: str, look: _Look) -> None:
         look.timer = None
@@ -163,10 +184,17 @@ class PageSession(Watcher):
                 number=heard.number,
                 bytes=len(heard.payload),
                 at_ms=info.source_timestamp / 1e6,
-                age_ms=round((info.received_timestamp - info.source_timestamp) / 1e6, 3),
+                age_ms=round(self._age_ns(info) / 1e6, 3),
                 tree=tree,
             )
         self._sender.put(topic, frame)
+
+    def _age_ns(self, info: MessageInfo) -> int:
+        """The age of a message on arrival; of a recorded one, in the time of its recording."""
+        sent_ns, came_ns = info.source_timestamp, info.received_timestamp
+        if self._playback is not None and sent_ns <= self._playback.recording.end_ns:
+            came_ns = self._playback.state.at_ns
+        return came_ns - sent_ns
 
     # --- to the page
 

@@ -14,12 +14,13 @@ from bus_web import page_protocol
 from bus_web.entrance import Addresses, open_gate
 from bus_web.files import load
 from bus_web.foxglove.formats import Formats
-from bus_web.foxglove.protocol import SUBPROTOCOLS
+from bus_web.foxglove.protocol import SDK, SUBPROTOCOLS
 from bus_web.foxglove.session import Permissions, Session
 from bus_web.hub import Hub
 from bus_web.listening import listening
 from bus_web.page_session import PageSession
 from bus_web.place import Place
+from bus_web.playback import Playback
 from bus_web.server import Server
 
 __all__ = ["Options", "run"]
@@ -38,8 +39,15 @@ class Options(msgspec.Struct, frozen=True, kw_only=True):
     may: Permissions = Permissions()
 
 
-async def run(node: Node, options: Options, bus: str, ready: Callable[[Addresses], None]) -> None:
+async def run(
+    node: Node,
+    options: Options,
+    bus: str,
+    ready: Callable[[Addresses], None],
+    playback: Playback | None = None,
+) -> None:
     """Serve until cancelled. `bus` is the page's name for the bus; `ready` is called with the addresses.
+    Clients control the `playback`, if there is one.
 
     Raises ListenError if the server can't listen at the place.
     """
@@ -48,7 +56,8 @@ async def run(node: Node, options: Options, bus: str, ready: Callable[[Addresses
     may = options.may
 
     async def speak_foxglove(socket: ServerConnection) -> None:
-        await Session(hub, formats, socket, bus, session_id, may).run()
+        played = playback if socket.subprotocol == SDK else None  # the older one has no frames for it
+        await Session(hub, formats, socket, bus, session_id, may, played).run()
 
     with listening(options.listen) as (listener, place):
         gate, addresses = open_gate(place, options.origins)
@@ -56,7 +65,7 @@ async def run(node: Node, options: Options, bus: str, ready: Callable[[Addresses
             gate,
             load(),
             {
-                page_protocol.SUBPROTOCOL: lambda socket: PageSession(hub, socket, bus).run(),
+                page_protocol.SUBPROTOCOL: lambda socket: PageSession(hub, socket, bus, playback).run(),
                 **dict.fromkeys(SUBPROTOCOLS, speak_foxglove),
             },
             most_frame_bytes=_MOST_DATA_BYTES if may.publish or may.call else _MOST_FRAME_BYTES,

@@ -206,6 +206,7 @@ class TestChannels:
                 "connectionGraph",
                 "parameters",
                 "parametersSubscribe",
+                "assets",
             }
             assert str(daemon.path) in told["name"]
             channel = client.channel("/topic")
@@ -391,7 +392,7 @@ class TestMistakes:
     def test_files_and_services(self, daemon: Daemon) -> None:
         with serving() as server, looking(server) as client:
             client.say("fetchAsset", uri="package://robot/mesh.dae", requestId=5)
-            assert client.binary(4).endswith(b"files are not served here")
+            assert client.binary(4).endswith(b"there is no package 'robot' here")
             client.connection.send(b"\x02" + struct.pack("<III", 1, 9, 3) + b"cdr")
             told = client.hear("serviceCallFailure")
             assert (told["serviceId"], told["callId"]) == (1, 9)

@@ -11,7 +11,8 @@ its endpoints, and answers as the test sets it.
 """
 
 import asyncio
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import contextmanager
 from typing import Any, cast
 
 import msgspec
@@ -29,8 +30,9 @@ from bus_web.foxglove.client import Client
 from bus_web.foxglove.formats import Formats
 from bus_web.hub import Hub
 from bus_web.outbox import Outbox
+from bus_web.playback import Playback, Recording, Request, State, Status
 
-__all__ = ["PID", "ListSocket", "WebWorld", "turns"]
+__all__ = ["PID", "ListPlayback", "ListSocket", "WebWorld", "turns"]
 
 PID = 77
 _S = 1_000_000_000
@@ -147,6 +149,53 @@ class ListNode:
         made = ListServiceClient(self.serving.get(name))
         self.clients.setdefault(name, []).append(made)
         return made
+
+
+class ListPlayback(Playback):
+    """A player of a recording of ten seconds from second 100 on. It only lists the requests.
+
+    `change` sets the state. Requests wait for `may_answer`, and are refused with `refusal`.
+    """
+
+    def __init__(self) -> None:
+        self.now = State(Status.PAUSED, True, 100 * _S, 1.0, 0, 0)
+        self.about = Recording("walk", 100 * _S, 110 * _S, {})
+        self.asked: list[Request] = []
+        self.refusal = ""
+        self.may_answer = asyncio.Event()
+        self.may_answer.set()
+        self.watchers: list[Callable[[], None]] = []
+
+    @property
+    def recording(self) -> Recording:
+        return self.about
+
+    @property
+    def state(self) -> State:
+        return self.now
+
+    async def ask(self, request: Request, jumped: Callable[[], None] | None = None) -> str:
+        await self.may_answer.wait()
+        self.asked.append(request)
+        if request.seek_ns is not None and not self.refusal:
+            self.now = self.now._replace(seeks=self.now.seeks + 1, at_ns=request.seek_ns)
+            if jumped is not None:
+                jumped()
+            self.change()
+        return self.refusal
+
+    def change(self, **fields: Any) -> None:
+        self.now = self.now._replace(**fields)
+        for changed in [*self.watchers]:
+            changed()
+
+    @contextmanager
+    def watching(self, changed: Callable[[], None]) -> Iterator[None]:
+        self.watchers.append(changed)
+        try:
+            yield
+        finally:
+            self.watchers.remove(changed)
 
 
 class WebWorld:

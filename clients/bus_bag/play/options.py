@@ -22,6 +22,8 @@ class PlayOptions(msgspec.Struct, frozen=True, kw_only=True):
     """Remappings such as `old:=new`."""
     is_looping: bool = False
     is_paused: bool = False
+    stays_at_end: bool = False
+    """At the end it pauses there, until a seek, a resume or `stop`. A loop never is at the end."""
     start_offset: int = 0
     duration: int | None = None
     until: int | None = None
@@ -29,6 +31,8 @@ class PlayOptions(msgspec.Struct, frozen=True, kw_only=True):
     delay: int = 0
     skipped_gap: int | None = None
     """Longer times without a message are skipped; None: none."""
+    look_back: int = 0
+    """A replay from the middle first publishes each topic's last message of so many nanoseconds before it."""
     clock_hz: float = 0.0
     clock_topics: frozenset[str] | None = None
     """Topics with a clock message before each of their messages; an empty set: before all messages."""

@@ -74,6 +74,8 @@ class Player:
         self.lateness = Lateness()
         self.messages = 0
         """Messages published so far, without messages of the latched state."""
+        self.seeks = 0
+        """Seeks so far whose target the time line has reached."""
         self._queue = queue
         self._outputs = outputs
         self._span = span
@@ -91,6 +93,8 @@ class Player:
         self._turn_ns = 0
         self.on_message: Callable[[], None] | None = None
         """Called after each message."""
+        self.on_seek: Callable[[], None] | None = None
+        """Called when the time line has jumped by a seek, before the messages from there."""
 
     async def __aenter__(self) -> Self:
         return self
@@ -114,6 +118,11 @@ class Player:
         return self._time.bag_time(monotonic_ns())
 
     @property
+    def shown_time(self) -> int:
+        """The current time in the bag, at most its end: it runs on while messages are late."""
+        return min(self.bag_time, max(self._span.end, self._span.start))
+
+    @property
     def progress(self) -> Progress:
         """The current position, for the line of progress."""
         span = self._span
@@ -123,6 +132,10 @@ class Player:
     def _status(self) -> Status:
         if self._life.state is PlayerState.BURSTING:
             return Status.BURST
+        if self._seek is not None:
+            return Status.DELAYED
+        if self._life.state is PlayerState.AT_END:
+            return Status.AT_END
         if self.is_paused:
             return Status.PAUSED
         return Status.DELAYED if self._time.is_delayed(monotonic_ns()) else Status.RUNNING
@@ -133,6 +146,9 @@ class Player:
         self._alarm.wake()
 
     def resume(self) -> None:
+        """End a pause. At the end of a replay that stays there: play it again from the beginning."""
+        if self._life.state is PlayerState.AT_END and self._seek is None:
+            self._seek = Seek(self._span.start)
         self._time.resume(monotonic_ns())
         self._logger.info("Resuming play.")
         self._alarm.wake()
@@ -172,12 +188,15 @@ class Player:
     async def seek(self, time_ns: int) -> bool:
         """Continue at that time of the bag, with its latched state first; False if nothing is being played.
 
-        A time before the beginning counts as the beginning. Cancellation does not prevent the seek.
+        A time before the beginning counts as the beginning; a time after the end as the end, if the replay
+        stays there. Cancellation does not prevent the seek.
         """
         if self._life.state is PlayerState.ENDED:
             self._logger.warning("Called seek, but player is not playing.")
             return False
         target = max(time_ns, self._span.start)
+        if self._options.stays_at_end:
+            target = min(target, self._span.end)
         if self._seek is None:
             self._seek = Seek(target)
         else:
@@ -195,7 +214,9 @@ class Player:
             return False
         await self._begun.wait()
         async with self._reading:
-            return await self._play_next()
+            is_played = await self._play_next()
+        self._alarm.wake()  # it may have been the last message
+        return is_played
 
     async def burst(self, count: int) -> int:
         """Publish `count` messages at once during a pause; 0: all remaining ones. Returns their number."""
@@ -211,6 +232,7 @@ class Player:
                     played += 1
             finally:
                 self._life.on(PlayerEvent.BURST_END)
+                self._alarm.wake()
         self._logger.info(f"Burst {played} messages.")
         return played
 
@@ -229,7 +251,6 @@ class Player:
         try:
             while True:
                 await self._begin()
-                self._life.on(PlayerEvent.READY)
                 self._begun.set()
                 await self._play_to_the_end()
                 if not self._life.may_publish or not self._options.is_looping:
@@ -247,15 +268,20 @@ class Player:
         start = self._span.start
         await self._go_to(start, None if self._span.is_whole else start, delay)
 
-    async def _go_to(self, time_ns: int, start: int | None, delay: int = 0) -> None:
+    async def _go_to(self, time_ns: int, start: int | None, delay: int = 0, *, is_seek: bool = False) -> None:
         """Read the messages from there on, then start the time line there."""
         async with self._reading:
             self._queue.start_at(start)
             self._time.jump(time_ns, monotonic_ns(), _FOR_EVER_NS)
+            if is_seek:
+                self.seeks += 1
+                if self.on_seek is not None:
+                    self.on_seek()
             await self._queue.wait(is_full=True)
             while (entry := self._queue.peek()) is not None and entry.is_state:
                 await self._publish(self._queue.pop())
             self._time.jump(time_ns, monotonic_ns(), delay)
+            self._life.on(PlayerEvent.READY)
 
     async def _play_to_the_end(self) -> None:
         """Publish until there is no message left and no pause, or until `stop`."""
@@ -263,6 +289,9 @@ class Player:
             if self._seek is not None:
                 await self._do_seek(self._seek)
                 continue
+            if self._stays and self._has_played_all:
+                self._time.pause(monotonic_ns())
+                self._life.on(PlayerEvent.LAST)
             if self.is_paused:
                 await self._alarm.wait(None)
                 continue
@@ -289,6 +318,18 @@ class Player:
             if due_ns is not None and entry.time >= self._span.start:
                 self.lateness.add(now_ns - due_ns)
 
+    @property
+    def _stays(self) -> bool:
+        """Whether it may stay at the end now."""
+        is_asked = self._options.stays_at_end and not self._options.is_looping
+        return is_asked and self._life.state is PlayerState.PLAYING
+
+    @property
+    def _has_played_all(self) -> bool:
+        """Whether no message is left to play. Raises BagError if the bag becomes unreadable."""
+        entry = self._queue.peek()
+        return self._queue.has_ended if entry is None else self._span.is_before(entry.time)
+
     def _is_gap(self, time_ns: int, now_ns: int) -> bool:
         """Whether the time until the next message, at `time_ns`, is to be skipped."""
         most = self._options.skipped_gap
@@ -298,7 +339,7 @@ class Player:
         self._seek = None
         is_there = False
         try:
-            await self._go_to(seek.target, seek.target)
+            await self._go_to(seek.target, seek.target, is_seek=True)
             is_there = True
         finally:
             seek.end(is_there=is_there)

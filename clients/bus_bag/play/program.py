@@ -5,7 +5,7 @@ import sys
 from collections.abc import AsyncIterator, Callable, Iterator, Mapping, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager, closing, contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from bus.base.counted import counted
 from bus.base.keys import Keys
@@ -27,7 +27,7 @@ from bus_bag.storage import JoinedBags, Problem, open_bags
 from bus_bag.terminal.keyboard import Keyboard
 from bus_bag.terminal.status_line import StatusLine
 
-__all__ = ["run"]
+__all__ = ["Replay", "replay", "run"]
 
 NAME = "rosbag2_player"
 _NS_PER_S = 1_000_000_000
@@ -57,41 +57,61 @@ async def run(
     paused. Raises BagError if one is no valid bag, or if the options choose no topic of them;
     CommandLineError for invalid remappings. Cancellation ends the replay, and restores the terminal.
     """
-    arguments = ["--ros-args", *(word for rule in options.remaps for word in ("--remap", rule))]
     with open_bags(paths) as bags:
-        options.selection.check(bags.topics)
-        async with Node(NAME, arguments=arguments, socket=socket, domain=domain) as node:
-            await _play(node, bags, options, burst)
+        async with replay(bags, options, socket=socket, domain=domain) as now:
+            playing = asyncio.create_task(now.player.play())
+            try:
+                if burst is not None:
+                    await now.player.burst(burst)
+                if now.player.is_paused and not _reads_keys(options):
+                    now.logger.info(_PAUSED.format(node=now.node.full_name))
+                await playing
+            finally:
+                playing.cancel()
 
 
-async def _play(node: Node, bags: JoinedBags, options: PlayOptions, burst: int | None) -> None:
-    logger = node.get_logger()
-    logger.info(f"Set rate to {options.rate:g}")
-    told = set[Problem]()
-    _report_problems(bags, logger, told)
-    topics = Topics(bags, options, logger)
-    publishers = await topics.publish_on(node)
-    clock = await _clock(node, options)
-    span = _span(bags, options)
-    await _report_gaps(bags, topics.names, options, span, logger)
-    with _switching(), _reading_ahead(bags, topics, options) as queue, closing(StatusLine()) as line:
-        async with Player(queue, publishers, span, options, logger, clock) as player:
-            async with _controls(node, player, options, logger, clock, line):
-                playing = asyncio.create_task(player.play())
-                try:
-                    if burst is not None:
-                        await player.burst(burst)
-                    if player.is_paused and not _reads_keys(options):
-                        logger.info(_PAUSED.format(node=node.full_name))
-                    await playing
-                finally:
-                    playing.cancel()
-            _report_problems(bags, logger, told)
-            topics.report_undecodable()
-            if options.acknowledged_within is not None:
-                await _wait_for_all(publishers, options.acknowledged_within, logger)
-            if options.is_verbose:
-                logger.info(f"Lateness: {player.lateness} ({counted(player.lateness.count, 'message')})")
+class Replay(NamedTuple):
+    """A replay that is ready to play."""
+
+    node: Node
+    player: Player
+    topics: frozenset[str]
+    """Names of the played topics."""
+    logger: Logger
+
+
+@asynccontextmanager
+async def replay(
+    bags: JoinedBags, options: PlayOptions, *, socket: str | None = None, domain: int | None = None
+) -> AsyncIterator[Replay]:
+    """Make a player with its node, publishers, services and keys; `play` is the caller's.
+
+    At the end of the block the messages have been sent, and the terminal is as before. Raises BagError if
+    the options choose no topic; CommandLineError for invalid remappings.
+    """
+    arguments = ["--ros-args", *(word for rule in options.remaps for word in ("--remap", rule))]
+    options.selection.check(bags.topics)
+    async with Node(NAME, arguments=arguments, socket=socket, domain=domain) as node:
+        logger = node.get_logger()
+        logger.info(f"Set rate to {options.rate:g}")
+        told = set[Problem]()
+        _report_problems(bags, logger, told)
+        topics = Topics(bags, options, logger)
+        publishers = await topics.publish_on(node)
+        clock = await _clock(node, options)
+        span = _span(bags, options)
+        await _report_gaps(bags, topics.names, options, span, logger)
+        with _switching(), _reading_ahead(bags, topics, options) as queue, closing(StatusLine()) as line:
+            async with Player(queue, publishers, span, options, logger, clock) as player:
+                async with _controls(node, player, options, logger, clock, line):
+                    yield Replay(node, player, topics.names, logger)
+                _report_problems(bags, logger, told)
+                topics.report_undecodable()
+                if options.acknowledged_within is not None:
+                    await _wait_for_all(publishers, options.acknowledged_within, logger)
+                if options.is_verbose:
+                    count = counted(player.lateness.count, "message")
+                    logger.info(f"Lateness: {player.lateness} ({count})")
 
 
 def _report_problems(bags: JoinedBags, logger: Logger, told: set[Problem]) -> None:
@@ -137,7 +157,13 @@ def _switching() -> Iterator[None]:
 @contextmanager
 def _reading_ahead(bags: JoinedBags, topics: Topics, options: PlayOptions) -> Iterator[ReadAheadQueue]:
     queue = ReadAheadQueue(
-        bags, topics.names, topics.depths, topics.decode, order=options.order, size=options.read_ahead
+        bags,
+        topics.names,
+        topics.depths,
+        topics.decode,
+        order=options.order,
+        size=options.read_ahead,
+        look_back=options.look_back,
     )
     try:
         yield queue
@@ -178,7 +204,8 @@ async def _controls(
             print(_NO_KEYS, file=sys.stderr, flush=True)
         if clock is not None and options.clock_hz:
             publish = clock
-            node.create_timer(1 / options.clock_hz, lambda: publish(player.bag_time))
+            # With a large rate the time of the bag soon exceeds its end, and then the range of a clock.
+            node.create_timer(1 / options.clock_hz, lambda: publish(player.shown_time))
         if line.is_shown and options.progress_hz:
 
             def show() -> None:

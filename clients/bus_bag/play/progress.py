@@ -17,6 +17,8 @@ class Status(Enum):
     PAUSED = "P"
     BURST = "B"
     DELAYED = "D"
+    """It waits before its start, or reads messages after a seek."""
+    AT_END = "E"
 
 
 class Progress(NamedTuple):

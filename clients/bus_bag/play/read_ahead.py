@@ -32,7 +32,7 @@ class Entry(NamedTuple):
     publish_time: int
     payload: bytes
     is_state: bool
-    """Whether it is part of the latched state at the beginning of a replay from the middle."""
+    """Whether it is older than the beginning of a replay from the middle, and belongs to its state."""
 
 
 class _Run:
@@ -55,7 +55,8 @@ class _Run:
 class ReadAheadQueue:
     """Reads `bags` in `order`; `depths` has the transient local topics among `topics`.
 
-    `decode` returns the payload of a message, or None to skip it. It is called in the thread.
+    `decode` returns the payload of a message, or None to skip it. It is called in the thread. `look_back`: as
+    in PlayOptions.
     """
 
     def __init__(
@@ -67,6 +68,7 @@ class ReadAheadQueue:
         *,
         order: Order = "log_time",
         size: int = 1000,
+        look_back: int = 0,
     ) -> None:
         self._bags = bags
         self._topics = topics
@@ -74,6 +76,7 @@ class ReadAheadQueue:
         self._decode = decode
         self._order: Order = order
         self._size = max(1, size)
+        self._look_back = look_back
         self._low = max(1, int(self._size * _LOW))
         self._run = _Run(None)
         self._run.has_ended = True
@@ -202,6 +205,8 @@ class ReadAheadQueue:
         state: LatchedState[BagMessage] = LatchedState(self._depths)
         if run.start_ns is not None and self._depths:
             yield from self._state(run, run.start_ns, state)
+        if run.start_ns is not None and self._look_back:
+            yield from self._recent(run, run.start_ns)
         for message in self._bags.messages(run.start_ns, self._topics, self._order):
             if message.topic in self._depths and not _add(state, message):
                 continue
@@ -217,6 +222,21 @@ class ReadAheadQueue:
                 break
             _add(state, message)
         for message in state:
+            payload = self._decode(message)
+            if payload is not None:
+                yield Entry(message.topic, start_ns, message.publish_time, payload, True)
+
+    def _recent(self, run: _Run, start_ns: int) -> Iterator[Entry]:
+        """The last message of each other topic shortly before `start_ns`, in the order of their times."""
+        found: dict[str, BagMessage] = {}
+        topics = self._topics - self._depths.keys()
+        for message in self._bags.messages(start_ns - self._look_back, topics, self._order):
+            if run.is_given_up:
+                return
+            if start_ns <= self._time(message):
+                break
+            found[message.topic] = message
+        for message in sorted(found.values(), key=self._time):
             payload = self._decode(message)
             if payload is not None:
                 yield Entry(message.topic, start_ns, message.publish_time, payload, True)

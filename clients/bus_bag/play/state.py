@@ -25,6 +25,8 @@ class PlayerState(Enum):
     """It publishes messages at their due times, or by steps in a pause; also while a loop begins again."""
     BURSTING = "bursting"
     """It publishes messages at once, in a pause."""
+    AT_END = "at the end"
+    """Every message is published, and it waits in a pause for a seek, a resume or `stop`."""
     STOPPING = "stopping"
     """`stop` was called: it publishes no further message."""
     ENDED = "ended"
@@ -37,9 +39,11 @@ class PlayerEvent(Enum):
 
     PLAY = "play"
     READY = "ready"
-    """The beginning of the bag is read, and the time line runs from there."""
+    """The messages from the beginning, or from the target of a seek, are read; the time line runs there."""
     BURST = "burst"
     BURST_END = "burst end"
+    LAST = "last"
+    """No message is left, and the replay is one that stays at the end."""
     STOP = "stop"
     """A key, service or signal asks for the end."""
     END = "end"
@@ -61,13 +65,21 @@ TRANSITIONS: Mapping[PlayerState, Mapping[PlayerEvent, PlayerState]] = {
         PlayerEvent.END: PlayerState.ENDED,
     },
     PlayerState.PLAYING: {
-        PlayerEvent.READY: PlayerState.PLAYING,  # again, in a loop
+        PlayerEvent.READY: PlayerState.PLAYING,  # again, in a loop or by a seek
         PlayerEvent.BURST: PlayerState.BURSTING,
+        PlayerEvent.LAST: PlayerState.AT_END,
         PlayerEvent.STOP: PlayerState.STOPPING,
         PlayerEvent.END: PlayerState.ENDED,
     },
     PlayerState.BURSTING: {
         PlayerEvent.BURST_END: PlayerState.PLAYING,
+        PlayerEvent.STOP: PlayerState.STOPPING,
+        PlayerEvent.END: PlayerState.ENDED,
+    },
+    PlayerState.AT_END: {
+        PlayerEvent.READY: PlayerState.PLAYING,
+        PlayerEvent.BURST: PlayerState.AT_END,  # of no messages
+        PlayerEvent.BURST_END: PlayerState.AT_END,
         PlayerEvent.STOP: PlayerState.STOPPING,
         PlayerEvent.END: PlayerState.ENDED,
     },

@@ -8,9 +8,10 @@ So the replay doesn't drift, however late single messages are. Each change of th
 pause, moves the point. Only `jump` makes the time of the bag jump.
 """
 
-from math import isfinite
-
 __all__ = ["TimeLine"]
+
+_LEAST_RATE, _MOST_RATE = 1e-9, 1e9
+"""With a rate outside, a due time may be outside the range of numbers."""
 
 
 class TimeLine:
@@ -30,8 +31,8 @@ class TimeLine:
 
     @staticmethod
     def is_rate(rate: float) -> bool:
-        """Whether `rate` is valid: a number above zero."""
-        return isfinite(rate) and rate > 0
+        """Whether `rate` is valid: a number from 1e-9 to 1e9."""
+        return _LEAST_RATE <= rate <= _MOST_RATE
 
     @property
     def is_paused(self) -> bool:

@@ -7,6 +7,7 @@ from bus_cli.bag.playargs import (
     nanoseconds,
     not_negative,
     play,
+    rate,
     seconds,
 )
 from bus_cli.stream import positive, unsigned_int
@@ -18,7 +19,7 @@ _ORDERS = {"received": "log_time", "sent": "publish_time"}
 
 def add_arguments(parser: ArgumentParser) -> None:
     add_reader_arguments(parser)
-    parser.add_argument("-r", "--rate", metavar="R", type=positive, default=1.0, help="Play R times as fast")
+    parser.add_argument("-r", "--rate", metavar="R", type=rate, default=1.0, help="Play R times as fast")
     parser.add_argument("-l", "--loop", action="store_true", help="Start again after the end")
     parser.add_argument("-p", "--start-paused", action="store_true", help="Start paused")
     parser.add_argument(

@@ -6,9 +6,9 @@ from typing import Any
 
 from bus_cli.bag.reading import add_input_argument, add_storage_argument, input_paths, overrides_in
 from bus_cli.output import CommandError
-from bus_cli.stream import run_stream, unsigned_int
+from bus_cli.stream import positive, run_stream, unsigned_int
 
-__all__ = ["add_reader_arguments", "nanoseconds", "not_negative", "play", "seconds"]
+__all__ = ["add_reader_arguments", "nanoseconds", "not_negative", "play", "rate", "seconds"]
 
 _MOST_S = 1e10
 _NS_PER_S = 1_000_000_000
@@ -123,6 +123,15 @@ def _bag_paths(args: Namespace) -> list[Path]:
     if args.bag_path is None and not args.input:
         args.usage("give the bag to play, or -i BAG for each of several bags")
     return input_paths(args) if args.input else [Path(args.bag_path)]
+
+
+def rate(text: str) -> float:
+    """For argparse."""
+    from bus_bag.play.time_line import TimeLine
+
+    if not TimeLine.is_rate(value := positive(text)):
+        raise ArgumentTypeError(f"{text} is not a rate from 1e-9 to 1e9")
+    return value
 
 
 def nanoseconds(seconds: float) -> int:

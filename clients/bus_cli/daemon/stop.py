@@ -11,6 +11,8 @@ from bus.wire.messages import Done, StopBroker
 from bus_cli.output import CommandError, print_json, say
 from bus_cli.query import NotRunning, Query
 
+__all__ = ["add_arguments", "main", "stop"]
+
 _STOP_S = 10.0
 _LOOK_S = 0.02
 
@@ -21,7 +23,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def main(args: Namespace) -> int:
     path = socket_path(args.socket, args.domain)
-    pid = _stop(path)
+    pid = stop(path)
     if args.json:
         print_json({"stopped": pid is not None, "pid": pid, "socket": str(path)})
     else:
@@ -29,8 +31,8 @@ def main(args: Namespace) -> int:
     return 0
 
 
-def _stop(path: Path) -> int | None:
-    """Stop the daemon; returns its pid, or None if none ran."""
+def stop(path: Path) -> int | None:
+    """Stop the daemon at `path`; returns its pid, or None if none ran. Raises CommandError if it goes on."""
     try:
         query = Query(path, may_start=False)
     except NotRunning:

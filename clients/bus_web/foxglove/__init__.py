@@ -4,6 +4,8 @@
                                                             +-- `publishing.py`  a client publishes
                                                             +-- `calls.py`       services
                                                             +-- `parameters.py`  parameters of nodes
+                                                            +-- `playing.py`     a bag
+                                                            +-- `assets.py`      files of packages
                                                             +-- `connections.py` endpoints of topics
 
 `formats.py` describes types and translates messages to CDR, once for all clients.
@@ -14,6 +16,7 @@ Invariants:
 - A frame that makes no sense is answered with a status; it never ends the server.
 - An id that was given to a channel or service is not given again to another one.
 - What a client may do besides looking is in `Permissions` (`session.py`).
+- No file outside of a share folder is sent (`assets.py`).
 - Calls and questions under way are bounded in number (`tasks.py`).
 
 Read first: `protocol.py`, then `session.py`.

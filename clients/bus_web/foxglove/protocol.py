@@ -1,7 +1,7 @@
 """Foxglove's WebSocket protocol: checked requests of clients, and the frames of the server. Pure.
 
-The two subprotocols do not differ in the parts used here. Texts are JSON objects with `op`. In binary frames
-the first byte is the type of the frame; numbers are little-endian.
+Of the parts used here, the older subprotocol lacks playback; else the two do not differ. Texts are JSON
+objects with `op`. In binary frames the first byte is the type of the frame; numbers are little-endian.
 """
 
 import struct
@@ -13,6 +13,7 @@ import msgspec
 
 __all__ = [
     "MOST_TEXT",
+    "SDK",
     "SUBPROTOCOLS",
     "Advertise",
     "Call",
@@ -22,6 +23,8 @@ __all__ = [
     "Level",
     "Misunderstood",
     "Parameter",
+    "PlaybackRequest",
+    "PlaybackStatus",
     "Publish",
     "Said",
     "SetParameters",
@@ -32,11 +35,13 @@ __all__ = [
     "Unsubscribe",
     "UnsubscribeConnectionGraph",
     "UnsubscribeParameterUpdates",
+    "asset",
     "asset_missing",
     "call_failure",
     "first_of",
     "message",
     "parameter_values",
+    "playback_state",
     "read",
     "response",
     "status",
@@ -44,7 +49,8 @@ __all__ = [
     "time",
 ]
 
-SUBPROTOCOLS = ("foxglove.sdk.v1", "foxglove.websocket.v1")
+SDK = "foxglove.sdk.v1"
+SUBPROTOCOLS = (SDK, "foxglove.websocket.v1")
 """The one of today's SDK and app, and the one of @foxglove/ws-protocol and older clients."""
 
 Id = Annotated[int, msgspec.Meta(ge=0, le=2**32 - 1)]
@@ -55,8 +61,11 @@ MOST_TEXT = 1 << 20
 """Limit of characters in one text of a client: it may subscribe to thousands of topics."""
 _MOST_STATUS = 500
 """Characters of a status: it may quote a client's text."""
-_PUBLISH, _CALL = 1, 2
-_MESSAGE, _TIME, _RESPONSE = 1, 2, 3
+_PUBLISH, _CALL, _PLAYBACK_REQUEST = 1, 2, 3
+_MESSAGE, _TIME, _RESPONSE, _ASSET, _PLAYBACK_STATE = 1, 2, 3, 4, 5
+_PLAYBACK_HEAD = struct.Struct("<BfBQI")
+"""Command, speed, whether to seek, time, length of the id."""
+_MOST_ID = 1000
 
 
 class Misunderstood(Exception):
@@ -156,10 +165,29 @@ class UnsubscribeConnectionGraph(msgspec.Struct, tag="unsubscribeConnectionGraph
 
 
 class FetchAsset(msgspec.Struct, tag="fetchAsset", tag_field="op"):
-    """The client wants a file; this server has none."""
+    """The client wants a file."""
 
     uri: str = ""
     request_id: Id = msgspec.field(name="requestId", default=0)
+
+
+class PlaybackStatus(IntEnum):
+    """The activity of the player."""
+
+    PLAYING = 0
+    PAUSED = 1
+    BUFFERING = 2
+    ENDED = 3
+
+
+class PlaybackRequest(NamedTuple):
+    """Requests to the player: all of them at once."""
+
+    is_paused: bool
+    speed: float
+    seek_ns: int | None
+    id: str
+    """The state after the request has the same id."""
 
 
 class Publish(NamedTuple):
@@ -191,7 +219,7 @@ _Text = (
     | UnsubscribeConnectionGraph
     | FetchAsset
 )
-Said = _Text | Publish | Call
+Said = _Text | Publish | Call | PlaybackRequest
 
 _decode = msgspec.json.Decoder(_Text).decode
 _encode = msgspec.json.encode
@@ -210,7 +238,7 @@ def read(frame: str | bytes) -> Said:
     return _read_binary(frame)
 
 
-def _read_binary(frame: bytes) -> Publish | Call:
+def _read_binary(frame: bytes) -> Publish | Call | PlaybackRequest:
     op = frame[0] if frame else None
     view = memoryview(frame)
     if op == _PUBLISH:
@@ -227,7 +255,25 @@ def _read_binary(frame: bytes) -> Publish | Call:
             )
         encoding = frame[13 : 13 + length].decode(errors="replace")
         return Call(service_id, call_id, encoding, view[13 + length :])
+    if op == _PLAYBACK_REQUEST:
+        return _read_playback_request(view[1:])
     raise Misunderstood("an empty frame" if op is None else f"no binary frame begins with {op}")
+
+
+def _read_playback_request(body: memoryview) -> PlaybackRequest:
+    size = _PLAYBACK_HEAD.size
+    if len(body) < size:
+        raise Misunderstood(
+            f"a playback request has {size + 1} bytes at least; this frame has {len(body) + 1}"
+        )
+    command, speed, has_seek, seek_ns, length = _PLAYBACK_HEAD.unpack_from(body)
+    if command > 1:
+        raise Misunderstood(f"no command of playback: {command}; 0 plays, 1 pauses")
+    if length > min(_MOST_ID, len(body) - size):
+        most = min(_MOST_ID, len(body) - size)
+        raise Misunderstood(f"the id of a playback request should have {length} bytes; {most} are possible")
+    id = bytes(body[size : size + length]).decode(errors="replace")
+    return PlaybackRequest(command == 1, speed, seek_ns if has_seek else None, id)
 
 
 def text(op: str, **fields: Any) -> bytes:
@@ -257,6 +303,15 @@ def time(time_ns: int) -> bytes:
     return struct.pack("<BQ", _TIME, time_ns)
 
 
+def playback_state(
+    status: PlaybackStatus, time_ns: int, speed: float, *, did_seek: bool, id: str = ""
+) -> bytes:
+    """The frame with the state of the player; `id`: of the request that it answers."""
+    name = id.encode()
+    head = struct.pack("<BBQfBI", _PLAYBACK_STATE, status, time_ns, speed, did_seek, len(name))
+    return head + name
+
+
 def response(call: Call, encoding: str, parts: Iterable[Any]) -> bytes:
     """The frame with the answer of a service."""
     name = encoding.encode()
@@ -275,7 +330,12 @@ def parameter_values(parameters: Iterable[Parameter], id: str | None = None) -> 
     return text("parameterValues", parameters=list(parameters), **more)
 
 
+def asset(request_id: int, data: bytes) -> bytes:
+    """The frame with a file."""
+    return struct.pack("<BIBI", _ASSET, request_id, 0, 0) + data
+
+
 def asset_missing(request_id: int, error: str) -> bytes:
-    """The frame that says that there is no such file."""
-    name = error.encode()
-    return struct.pack("<BIBI", 4, request_id, 1, len(name)) + name
+    """The frame with the reason why there is no such file."""
+    name = error.encode(errors="replace")
+    return struct.pack("<BIBI", _ASSET, request_id, 1, len(name)) + name

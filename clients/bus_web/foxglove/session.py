@@ -2,7 +2,7 @@
 
 import asyncio
 from collections import Counter
-from collections.abc import Coroutine
+from collections.abc import Coroutine, Mapping
 from contextlib import suppress
 from typing import Any
 
@@ -13,6 +13,7 @@ from bus.base.version import RELEASE
 from bus.errors import BusError
 from bus_ros.cdr import CdrError
 from bus_web.foxglove import protocol
+from bus_web.foxglove.assets import Assets
 from bus_web.foxglove.calls import Calls
 from bus_web.foxglove.channels import Channels
 from bus_web.foxglove.client import Client
@@ -21,12 +22,14 @@ from bus_web.foxglove.connections import ConnectionGraph
 from bus_web.foxglove.formats import Formats
 from bus_web.foxglove.looks import Looks
 from bus_web.foxglove.parameters import EVENTS, Parameters
+from bus_web.foxglove.playing import Playing
 from bus_web.foxglove.protocol import Level, Said
 from bus_web.foxglove.publishing import Publishing
 from bus_web.foxglove.subscriptions import Subscriptions
 from bus_web.foxglove.tasks import Tasks
 from bus_web.hub import Hub, Watcher
 from bus_web.outbox import Outbox
+from bus_web.playback import Playback
 from bus_web.sender import Socket
 from bus_web.shared_subscriptions import Heard
 
@@ -54,13 +57,15 @@ class ServerInfo(msgspec.Struct, frozen=True, kw_only=True):
     id: str
     permissions: Permissions
 
-    def told(self, *, has_clock: bool) -> bytes:
-        """The message, with the capabilities."""
+    def told(self, *, has_clock: bool, playback: Mapping[str, Any] | None = None) -> bytes:
+        """The message, with the capabilities; `playback`: fields about a recording, if one is played."""
         may_be = {
             "connectionGraph": True,
             "parameters": True,
             "parametersSubscribe": True,
-            "time": has_clock,
+            "time": has_clock or playback is not None,
+            "playbackControl": playback is not None,
+            "assets": True,
             "clientPublish": self.permissions.publish,
             "services": self.permissions.call,
         }
@@ -71,6 +76,7 @@ class ServerInfo(msgspec.Struct, frozen=True, kw_only=True):
             supportedEncodings=["cdr"],
             metadata={"ROS_DISTRO": "jazzy"},
             sessionId=self.id,
+            **(playback or {}),
         )
 
 
@@ -99,11 +105,19 @@ class Absence:
 class Session(Watcher):
     """Speaks with the client at `socket` until that ends (`run`).
 
-    `id` is the server's: a client that comes back to the same one goes on as it was.
+    `id` is the server's: a client that comes back to the same one goes on as it was. The client controls the
+    `playback`, if there is one.
     """
 
     def __init__(
-        self, hub: Hub, formats: Formats, socket: Socket, bus: str, id: str, permissions: Permissions
+        self,
+        hub: Hub,
+        formats: Formats,
+        socket: Socket,
+        bus: str,
+        id: str,
+        permissions: Permissions,
+        playback: Playback | None = None,
     ) -> None:
         self._hub = hub
         self._socket = socket
@@ -120,6 +134,8 @@ class Session(Watcher):
         self._clock = Clock()
         self._connections: ConnectionGraph | None = None
         self._parameters = Parameters(hub, client)
+        self._assets = Assets(client)
+        self._playing = Playing(playback, client) if playback is not None else None
         self._publishing = Publishing(hub, client) if permissions.publish else None
         self._calls = Calls(hub, formats, client, may_set=permissions.set) if permissions.call else None
         self._missed: Counter[str] = Counter()
@@ -128,6 +144,8 @@ class Session(Watcher):
     async def run(self) -> None:
         """Raises the socket's exception when it ends."""
         self._introduce()
+        if self._playing is not None:
+            self._playing.begin()
         tasks: list[asyncio.Task[None]] = []
         try:
             async with self._hub.watching(self):
@@ -145,6 +163,8 @@ class Session(Watcher):
                 task.cancel()
             await asyncio.gather(*tasks, self._tasks.cancel(), return_exceptions=True)
             self._looks.close()
+            if self._playing is not None:
+                self._playing.close()
             self._client.close()
             for part in (self._publishing, self._calls):
                 if part is not None:
@@ -153,13 +173,14 @@ class Session(Watcher):
 
     def _introduce(self) -> None:
         """Send the server's name and capabilities; again if a clock has come or gone."""
-        self._client.notify(self._server.told(has_clock=self._clock.is_there))
+        playback = self._playing.server_info() if self._playing is not None else None
+        self._client.notify(self._server.told(has_clock=self._clock.is_there, playback=playback))
 
     # --- of the hub
 
     def looked(self, *, is_new: bool) -> None:
         if self._absence.end(self._loop.time()):
-            self._client.notify(protocol.text("removeStatus", statusIds=["bus"]))
+            self._client.remove_status("bus")
         self._has_looked.set()
         self._news.set()
 
@@ -186,8 +207,12 @@ class Session(Watcher):
             except CdrError as error:
                 self.on_fault(topic, str(error))
                 return
-        time_ns = self._clock.now_ns if self._clock.is_there else heard.info.received_timestamp
-        self._client.put(topic, protocol.message(id, time_ns, parts))
+        self._client.put(topic, protocol.message(id, self._time_of(heard), parts))
+
+    def _time_of(self, heard: Heard) -> int:
+        if self._playing is not None:
+            return self._playing.now_ns
+        return self._clock.now_ns if self._clock.is_there else heard.info.received_timestamp
 
     def on_fault(self, topic: str, text: str) -> None:
         if not self._client.is_behind:
@@ -201,6 +226,8 @@ class Session(Watcher):
             await self._news.wait()
             await self._client.drain()
             self._news.clear()
+            if self._playing is not None:
+                self._playing.follow()
             if self._absence.is_on or not self._hub.has_looked:
                 continue
             graph = self._hub.model.graph
@@ -268,7 +295,8 @@ class Session(Watcher):
             case protocol.UnsubscribeConnectionGraph():
                 self._connections = None
             case protocol.FetchAsset():
-                self._client.notify(protocol.asset_missing(said.request_id, "files are not served here"))
+                if not self._begin(self._assets.fetch(said)):
+                    self._client.notify(protocol.asset_missing(said.request_id, _TOO_MANY))
             case protocol.GetParameters():
                 self._begin(self._get_parameters(said), _TOO_MANY)
             case protocol.SetParameters():
@@ -282,6 +310,8 @@ class Session(Watcher):
                     self._looks.remove(EVENTS, "parameters")
             case protocol.Call():
                 self._call(said)
+            case protocol.PlaybackRequest():
+                self._play(said)
             case _:
                 await self._publish(said)
 
@@ -320,6 +350,12 @@ class Session(Watcher):
             self._client.say(Level.ERROR, text)
         elif not self._begin(self._calls.call(said), size=len(said.data)):
             self._client.notify(protocol.call_failure(said, _TOO_MANY))
+
+    def _play(self, said: protocol.PlaybackRequest) -> None:
+        if self._playing is None:
+            self._client.say(Level.ERROR, "nothing is played here: start bus web with --bag")
+        elif not self._begin(self._playing.ask(said), _TOO_MANY):
+            self._playing.answer(said)
 
     def _begin(self, work: Coroutine[Any, Any, None], refusal: str = "", *, size: int = 0) -> bool:
         """Run `work` concurrently; returns whether there is room. `size`: bytes that it keeps."""

@@ -1,5 +1,6 @@
 // What the page is put together of, and what goes from one part to another.
 
+import { Bag } from "./bag.js";
 import { Bus } from "./bus.js";
 import { Connection } from "./connection.js";
 import { Detail } from "./detail.js";
@@ -29,6 +30,7 @@ const detail = new Detail(the("detail"), { close: () => choose(null), plot: (top
 const sheet = new Sheet(the("sheet"), () => choose(null));
 const missed = new Map();
 let name = "bus", isDue = false, isWanted = false, wasDrawn = false;
+const bag = new Bag(the("bag"), (request) => connection.say("play", request));
 
 const hear = {
   hello(told) {
@@ -53,6 +55,9 @@ const hear = {
   },
   fault: (told) => detail.fault(told),
   log: (told) => log.add(told),
+  recording: (told) => bag.open(told),
+  playback: (told) => bag.state(told) && plots.clear(),
+  refused: (told) => bag.refused(told),
   bus: (told) => state("away", `busd is away: ${told.text}`),
   status(told) {
     for (const [topic, number] of Object.entries(told.dropped)) missed.set(topic, (missed.get(topic) ?? 0) + number);

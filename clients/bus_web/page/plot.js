@@ -44,6 +44,11 @@ export class Plots {
     this.charts.get(told.topic)?.add(told);
   }
 
+  // Forget all values: the time of a bag has jumped.
+  clear() {
+    for (const chart of this.charts.values()) chart.clear();
+  }
+
   // The messages that each topic has lost in each of the last seconds.
   show(bus) {
     for (const chart of this.charts.values()) chart.lose(bus.topics.get(chart.topic)?.lostHistory ?? []);
@@ -106,6 +111,11 @@ class Chart {
     if (this.isDue) return;
     this.isDue = true;
     requestAnimationFrame(() => this.draw());
+  }
+
+  clear() {
+    for (const one of [this.times, this.ages, ...this.values.values()]) one.length = 0;
+    this.draw();
   }
 
   lose(lost) {

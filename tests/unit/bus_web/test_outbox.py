@@ -117,6 +117,14 @@ class TestAllClients:
         second.put("/a", b"a")
         assert (len(first), len(second)) == (1, 1)
 
+    def test_a_large_notice_costs_others_no_message(self) -> None:
+        shared = SharedBudget(10)
+        first, second = Outbox(80, shared), Outbox(80, shared)
+        first.notify(b"n" * 50)
+        for text in (b"a", b"b", b"c"):
+            second.put("/a", text)
+        assert (shared.bytes, drain(second), second.dropped) == (3, [b"a", b"b", b"c"], {})
+
     def test_one_that_has_gone_takes_no_room(self) -> None:
         shared = SharedBudget(100)
         gone, there = Outbox(100, shared), Outbox(100, shared)

@@ -20,6 +20,7 @@ from bus_bag.play.progress import Status
 from bus_bag.play.read_ahead import ReadAheadQueue
 from bus_bag.play.selection import Selection
 from bus_bag.storage import BagMessage
+from semantics import until
 
 MS = 1_000_000
 SPAN = Span(0, 100 * MS, True)
@@ -253,3 +254,57 @@ async def test_two_seeks_at_once_go_to_the_later_one() -> None:
         assert output.taken == [2]
         player.stop()
         assert await task
+
+
+async def test_a_replay_that_stays_at_its_end_plays_again_from_there() -> None:
+    output = Output()
+    async with playing(Reader(0, 10), output, Span(0, 10 * MS, True), stays_at_end=True) as player:
+        task = asyncio.create_task(player.play())
+        await until(lambda: player.progress.status is Status.AT_END)
+        assert (output.taken, player.is_paused, player.shown_time) == ([0, 1], True, 10 * MS)
+        assert not await player.play_next() and await player.burst(0) == 0
+        player.resume()
+        assert player.progress.status is Status.DELAYED  # on its way back
+        await until(lambda: len(output.taken) == 4)
+        await until(lambda: player.progress.status is Status.AT_END)
+        assert (output.taken, player.seeks) == ([0, 1, 0, 1], 1)
+        assert await player.seek(3_600_000 * MS)  # the end is the farthest
+        assert player.shown_time == 10 * MS
+        await until(lambda: player.progress.status is Status.PAUSED)
+        assert await player.play_next()
+        await until(lambda: player.progress.status is Status.AT_END)
+        player.stop()
+        assert await task
+
+
+async def test_a_looping_replay_does_not_stay() -> None:
+    output = Output()
+    async with playing(Reader(0), output, stays_at_end=True, is_looping=True) as player:
+        task = asyncio.create_task(player.play())
+        await until(lambda: len(output.taken) > 2)
+        player.stop()
+        assert await task
+
+
+async def test_a_stepped_replay_is_at_its_end_after_the_last_message() -> None:
+    output = Output()
+    async with playing(Reader(0, 10), output, stays_at_end=True, is_paused=True) as player:
+        task = asyncio.create_task(player.play())
+        assert await player.play_next() and player.progress.status is Status.PAUSED
+        assert await player.burst(0) == 1
+        await until(lambda: player.progress.status is Status.AT_END)
+        player.stop()
+        assert await task
+
+
+async def test_a_seek_is_announced_before_the_messages_from_there() -> None:
+    output = Output()
+    async with playing(Reader(0, 10, 20), output, is_paused=True) as player:
+        announced: list[tuple[int, int, list[int]]] = []
+        player.on_seek = lambda: announced.append((player.seeks, player.bag_time, [*output.taken]))
+        task = asyncio.create_task(player.play())
+        assert await player.play_next() and not announced
+        assert await player.seek(10 * MS)
+        player.resume()
+        assert await task
+        assert (output.taken, announced) == ([0, 1, 2], [(1, 10 * MS, [0])])

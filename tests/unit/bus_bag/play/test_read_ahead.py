@@ -175,3 +175,29 @@ async def test_an_error_comes_behind_what_could_be_read() -> None:
         assert await take(queue, 1) == [b"1"]
         with pytest.raises(BagError, match="it is broken"):
             await take(queue)
+
+
+async def test_a_look_back_begins_with_the_last_message_of_each_topic_shortly_before() -> None:
+    said = [message("/a", at) for at in (1, 4, 5, 7)] + [message("/map", at) for at in (2, 6)]
+    async with reading(Reader(*said, message("/b", 5)), look_back=3) as queue:
+        queue.start_at(6)
+        assert [(one.payload, one.is_state, one.time) for one in await entries(queue)] == [
+            (b"2", True, 6),  # latched, however old
+            (b"5", True, 6),
+            (b"6", False, 6),
+            (b"7", False, 7),
+        ]
+        queue.start_at(1000)
+        assert await take(queue) == [b"6"]
+        queue.start_at(None)
+        assert [one.is_state for one in await entries(queue)] == [False] * 6
+
+
+async def test_a_look_back_can_be_given_up() -> None:
+    reader = Reader(*[message("/a", at) for at in range(10)])
+    async with reading(reader, look_back=100, depths={}) as queue:
+        reader.gate = threading.Semaphore(3)
+        queue.start_at(9)
+        reader.gate.release(100)
+        queue.start_at(8)
+        assert await take(queue) == [b"7", b"8", b"9"]

@@ -19,6 +19,7 @@ WAYS = {
     PlayerState.STARTING: [PLAY],
     PlayerState.PLAYING: [PLAY, READY],
     PlayerState.BURSTING: [PLAY, READY, BURST],
+    PlayerState.AT_END: [PLAY, READY, PlayerEvent.LAST],
     PlayerState.STOPPING: [PLAY, READY, BURST, STOP],
     PlayerState.ENDED: [PLAY, READY, END],
 }

@@ -71,7 +71,7 @@ def test_a_delay_stands_before_the_beginning_also_around_a_pause() -> None:
     assert line.bag_time(NOW + 1008 * MS) == BAG + MS
 
 
-@pytest.mark.parametrize("rate", [0, -1.0, math.inf, math.nan])
+@pytest.mark.parametrize("rate", [0, -1.0, 1e-300, 1e300, math.inf, math.nan])
 def test_what_is_no_rate(rate: float) -> None:
     line = TimeLine(BAG, NOW, 3.0)
     assert not line.set_rate(rate, NOW)

@@ -25,3 +25,31 @@ async def test_statuses() -> None:
         {"op": "status", "level": 2, "message": "no"},
     ]
     await world.close()
+
+
+async def test_a_status_is_sent_once_until_it_is_removed() -> None:
+    world = WebWorld()
+    for _ in range(3):
+        for id in ("a", "b", None):
+            world.client.say(Level.WARNING, "away", id)
+    assert [told.get("id") for told in await world.told()] == ["a", "b", None]
+    world.client.remove_status("a")
+    for id in ("a", "b", None):
+        world.client.say(Level.WARNING, "away", id)
+    assert await world.told() == [
+        {"op": "removeStatus", "statusIds": ["a"]},
+        {"op": "status", "level": 1, "message": "away", "id": "a"},
+    ]
+    await world.close()
+
+
+async def test_statuses_without_end_cost_little() -> None:
+    world = WebWorld()
+    for number in range(1000):
+        world.client.say(Level.WARNING, f"mistake {number}")
+    assert len(world.client._said) == 256
+    assert len(await world.told()) == 1000
+    world.client.say(Level.WARNING, "mistake 0")  # it is no longer remembered
+    world.client.say(Level.WARNING, "mistake 999")
+    assert [told["message"] for told in await world.told()] == ["mistake 0"]
+    await world.close()

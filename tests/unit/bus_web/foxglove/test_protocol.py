@@ -61,6 +61,23 @@ def test_binary_frames() -> None:
     assert protocol.response(call, "cdr", [b"a", b"b"]) == b"\x03" + struct.pack("<III", 3, 4, 3) + b"cdrab"
 
 
+def test_playback() -> None:
+    """The bytes are those of Foxglove's SDK in its own tests."""
+    play, seek = "00 0000803f 00 0000000000000000", "00 0000803f 01 15cd5b0700000000"
+    id = "07000000 736f6d652d6964"
+    for frame, is_paused, seek_ns in (
+        (f"03 {play} {id}", False, None),
+        (f"03 01{play[2:]} {id}", True, None),
+        (f"03 {seek} {id}", False, 123_456_789),
+    ):
+        assert read(bytes.fromhex(frame)) == protocol.PlaybackRequest(is_paused, 1.0, seek_ns, "some-id")
+    playing = protocol.PlaybackStatus.PLAYING
+    head = "05 00 3930000000000000 0000803f"
+    assert protocol.playback_state(playing, 12345, 1.0, did_seek=True) == bytes.fromhex(f"{head} 01 00000000")
+    told = protocol.playback_state(playing, 12345, 1.0, did_seek=False, id="i-am-a-request")
+    assert told == bytes.fromhex(f"{head} 00 0e000000 692d616d2d612d72657175657374")
+
+
 @for_each(
     ("frame", "text"),
     [
@@ -69,6 +86,10 @@ def test_binary_frames() -> None:
         (b"\x01\x00\x00", "this frame has 3 bytes"),
         (b"\x02" + bytes(11), "this frame has 12"),
         (b"\x02" + struct.pack("<III", 1, 1, 2**32 - 1), "4294967295 bytes; 0 are there"),
+        (b"\x03" + bytes(17), "19 bytes at least; this frame has 18"),
+        (b"\x03\x02" + bytes(17), "no command of playback: 2"),
+        (b"\x03" + bytes(14) + struct.pack("<I", 5) + b"four", "should have 5 bytes; 4 are possible"),
+        (b"\x03" + bytes(14) + struct.pack("<I", 1001) + bytes(1001), "1001 bytes; 1000 are possible"),
         ("{", "not understood"),
         ("[]", "not understood"),
         ('{"op":"dance"}', "Invalid value 'dance'"),
@@ -93,7 +114,7 @@ def test_what_makes_no_sense(frame: str | bytes, text: str) -> None:
     assert text in str(caught.value)
 
 
-@given(st.one_of(st.binary(), st.text(), st.binary().map(lambda data: b"\x02" + data)))
+@given(st.one_of(st.binary(), st.text(), st.binary().map(lambda data: bytes([2 + len(data) % 2]) + data)))
 def test_nothing_hostile_raises_anything_else(frame: str | bytes) -> None:
     try:
         read(frame)
@@ -108,4 +129,5 @@ def test_frames_of_the_server() -> None:
     assert msgspec.json.decode(said) == {"op": "status", "level": 2, "message": "x" * 497 + "...", "id": "id"}
     told = msgspec.json.decode(protocol.parameter_values([protocol.Parameter("/n.p", 1)], "q"))
     assert told == {"op": "parameterValues", "parameters": [{"name": "/n.p", "value": 1}], "id": "q"}
+    assert protocol.asset(9, b"mesh") == b"\x04" + struct.pack("<IBI", 9, 0, 0) + b"mesh"
     assert protocol.asset_missing(9, "no") == b"\x04" + struct.pack("<IBI", 9, 1, 2) + b"no"

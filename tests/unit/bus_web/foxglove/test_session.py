@@ -73,7 +73,7 @@ async def test_from_the_introduction_to_messages() -> None:
     world.look()
     async with session(world):
         told = await world.hear("serverInfo")
-        assert told["capabilities"] == ["connectionGraph", "parameters", "parametersSubscribe"]
+        assert told["capabilities"] == ["connectionGraph", "parameters", "parametersSubscribe", "assets"]
         assert (told["sessionId"], told["name"].partition(", ")[2]) == ("id", "a bus")
         (channel,) = (await world.hear("advertise"))["channels"]
         world.say("subscribe", subscriptions=[{"id": 9, "channelId": channel["id"]}])
@@ -118,7 +118,7 @@ async def test_what_is_not_allowed_names_the_option() -> None:
         assert "start bus web with --allow-call" in (await world.hear("status"))["message"]
         world.say("fetchAsset", uri="package://x", requestId=3)
         (missing,) = await world.messages(1)
-        assert missing.endswith(b"files are not served here")
+        assert missing.endswith(b"'x' is not the name of a package")
     world = World()
     world.look()
     async with session(world, publish=True, call=True):
