@@ -25,8 +25,11 @@ def gaps_in(gaps: Sequence[Stretch], span: Span) -> list[Stretch]:
     return [gap for gap in gaps if gap.end > span.start and not span.is_before(gap.end)]
 
 
-def lines(gaps: Sequence[Stretch], span: Span, skipped_ns: int | None) -> Iterator[str]:
-    """A line for each gap of `gaps`; `skipped_ns`: the value of `--skip-gaps`."""
+def lines(
+    gaps: Sequence[Stretch], span: Span, skipped_ns: int | None, *, is_in_page: bool = False
+) -> Iterator[str]:
+    """A line for each gap of `gaps`; `skipped_ns`: the value of `--skip-gaps`. `is_in_page`: the page's bar
+    controls the replay."""
     if not gaps:
         return
     if skipped_ns is not None:
@@ -34,10 +37,13 @@ def lines(gaps: Sequence[Stretch], span: Span, skipped_ns: int | None) -> Iterat
         count = counted(len(gaps), "gap")
         yield f"Skipping {count} of more than {skipped_ns / _S:g} s: {_text(total)} in total."
         return
+    way = (
+        "The bar of the page can seek past it." if is_in_page else f"To skip such gaps: --skip-gaps {_LONG_S}"
+    )
     for gap in gaps[:_MOST]:
         start = max(gap.start, span.start)
         pause, offset = _text(gap.end - start), (start - span.start) / _S
-        yield f"No messages for {pause} after {offset:.2f} s. To skip such gaps: --skip-gaps {_LONG_S}"
+        yield f"No messages for {pause} after {offset:.2f} s. {way}"
     if len(gaps) > _MOST:
         yield f"{len(gaps) - _MOST} more gaps of more than {_LONG_S} s"
 

@@ -129,7 +129,8 @@ async def _report_gaps(
     least = gaps.LONG_NS if options.skipped_gap is None else options.skipped_gap
     found = await asyncio.to_thread(bags.gaps, least, topics, options.order)
     report = logger.warning if options.skipped_gap is None else logger.info
-    for line in gaps.lines(gaps.gaps_in(found, span), span, options.skipped_gap):
+    found = gaps.gaps_in(found, span)
+    for line in gaps.lines(found, span, options.skipped_gap, is_in_page=options.stays_at_end):
         report(line)
 
 

@@ -14,6 +14,8 @@ def test_each_gap_is_named_with_its_place_and_the_option() -> None:
     first, second = lines(gaps, SPAN, None)
     assert first == "No messages for 56 years after 2.00 s. To skip such gaps: --skip-gaps 60"
     assert second.startswith("No messages for 90 s after ")
+    in_page, _ = lines(gaps, SPAN, None, is_in_page=True)
+    assert in_page == "No messages for 56 years after 2.00 s. The bar of the page can seek past it."
 
 
 def test_many_gaps_are_counted() -> None:
