@@ -155,7 +155,7 @@ differential: $(TOOLS) $(ROS_STAMP) ## programs under ROS 2's own rclpy and unde
 	@PYTHONPATH=tests:. $(BIN)/python -m differential $(ARGS)
 
 fuzz: $(FUZZ_STAMP) ## fuzz all that takes input, guided by coverage (SECONDS=60; atheris, and clang for the C parts)
-:tests/world $(BIN)/python -m fuzz --seconds $(or $(SECONDS),60)
+	PYTHONPATH=tests:tests/world $(BIN)/python -m fuzz --seconds $(or $(SECONDS),60)
 
 # Where atheris can't be had, the fuzzers in Python are left out, and the run says so.
 $(FUZZ_STAMP): $(TOOLS)

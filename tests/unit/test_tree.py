@@ -26,6 +26,7 @@ OF_SEVERAL = {
     "bus/delivery/test_loan.py",  # bus.loan, by both senders
     "bus/test_hostile_numbers.py",  # all numbers from other processes
     "bus/test_timing.py",  # all timed actions
+    "test_makefile.py",
     "test_packaging.py",
     "test_tree.py",
     "test_tree_map.py",
