@@ -21,9 +21,9 @@ from semantics import KEEP_ALL, node
 __all__ = ["node"]
 
 PAGE = (c_programs.ROOT / "docs" / "c.md").read_text()
-C_PROGRAM, C_IMAGE, C_SERVICE = re.findall(r"```c\n(.*?)```", PAGE, re.DOTALL)
+C_PROGRAM, C_IMAGE, C_SERVICE, C_GRAPH = re.findall(r"```c\n(.*?)```", PAGE, re.DOTALL)
 (CMAKE_PROJECT,) = re.findall(r"```cmake\n(.*?)```", PAGE, re.DOTALL)
-CPP_PROGRAM, CPP_SERVICE = re.findall(r"```cpp\n(.*?)```", PAGE, re.DOTALL)
+CPP_PROGRAM, CPP_SERVICE, CPP_GRAPH = re.findall(r"```cpp\n(.*?)```", PAGE, re.DOTALL)
 
 
 @pytest.fixture(scope="session")
@@ -93,7 +93,7 @@ def test_the_functions_of_the_page_compile(programs: Path, tmp_path: Path) -> No
     source = tmp_path / "image.c"
     headers = ("sensor_msgs/msg/Image", "example_interfaces/srv/AddTwoInts")
     includes = [f'#include "{header}.h"' for header in headers]
-    source.write_text("\n".join([*includes, C_IMAGE, C_SERVICE]))
+    source.write_text("\n".join(["#include <stdio.h>", *includes, C_IMAGE, C_SERVICE, C_GRAPH]))
     c_programs.compile_c(programs, source, tmp_path / "image.o", "-c", "-Wno-unused-function")
 
 
@@ -106,6 +106,7 @@ int main(int argc, char **)
     busd::node node = bus.create_node("adder");
     const auto server = serve(node);
     std::printf("sum %d\\n", int(add(bus, node, 2, 3)));
+    std::printf("answers: %s\\n", publishers_of(bus, "/add/_reply").c_str());
 }
 """
 
@@ -115,7 +116,7 @@ def cpp_page(programs: Path, prefix: Path, tmp_path_factory: pytest.TempPathFact
     """The programs of the page in C++, as one. The page's project for CMake builds it; without cmake, g++."""
     folder = tmp_path_factory.mktemp("cpp")
     assert "int main()" in CPP_PROGRAM
-    text = CPP_PROGRAM.replace("int main()", "int hello()") + CPP_SERVICE + CPP_MAIN
+    text = CPP_PROGRAM.replace("int main()", "int hello()") + CPP_SERVICE + CPP_GRAPH + CPP_MAIN
     (folder / "hello.cpp").write_text(text)
     if shutil.which("cmake") is None:
         includes = (f"-I{prefix / 'include'}", f"-I{programs / 'types'}")
@@ -149,7 +150,7 @@ async def test_the_programs_in_cpp(node: bus.Node, cpp_page: Path, tmp_path: Pat
         assert await hello.end() == -signal.SIGINT
     async with running_command(tmp_path, cpp_page, "add") as adder:
         assert await adder.end() == 0
-        assert adder.lines == ["sum 5"]
+        assert adder.lines == ["sum 5", "answers: /adder "]
 
 
 @pytest.mark.skipif(bool(c_programs.why_no_cpp()), reason=c_programs.why_no_cpp())

@@ -41,18 +41,19 @@ static int wait_for(busd_bus *bus, const struct waiting *waiting)
     return waiting->answer;
 }
 
-/* Waits for the answer to `request`. 0, or -errno with the reason in `error`. */
-int await(busd_bus *bus, uint64_t request)
+/* Waits for the answer to `waiting->request`. 0, or -errno with the reason in `error`. */
+int await(busd_bus *bus, struct waiting *waiting)
 {
-    struct waiting waiting = {bus->waiting, request, 1};
-    bus->waiting = &waiting;
-    const int status = wait_for(bus, &waiting);
-    bus->waiting = waiting.outer;
+    waiting->outer = bus->waiting;
+    waiting->answer = 1;
+    bus->waiting = waiting;
+    const int status = wait_for(bus, waiting);
+    bus->waiting = waiting->outer;
     return status;
 }
 
 /* The call that waits for the answer to this request; NULL: none does. */
-static struct waiting *waiting_for(const busd_bus *bus, uint64_t request)
+struct waiting *waiting_for(const busd_bus *bus, uint64_t request)
 {
     struct waiting *waiting = bus->waiting;
     while (waiting != NULL && waiting->request != request)
@@ -157,16 +158,17 @@ static void field_qos(busd_out *out, const busd_qos *qos)
     } policies[] = {{"history", "keep_all", qos->history == BUSD_KEEP_ALL},
                     {"reliability", "best_effort", qos->reliability == BUSD_BEST_EFFORT},
                     {"durability", "transient_local", qos->durability == BUSD_TRANSIENT_LOCAL},
+                    {"durability", "best_available", qos->durability == BUSD_BEST_AVAILABLE},
                     {"liveliness", "manual_by_topic", qos->liveliness == BUSD_MANUAL_BY_TOPIC}};
     size_t fields = 1;
     for (int i = 0; i < 3; i++)
         fields += durations[i].ns != 0;
-    for (int i = 0; i < 4; i++)
+    for (int i = 0; i < 5; i++)
         fields += policies[i].is_set;
     busd_put_text(out, "qos", 3);
     busd_put_map(out, fields);
     field_number(out, "depth", qos->depth);
-    for (int i = 0; i < 4; i++)
+    for (int i = 0; i < 5; i++)
         if (policies[i].is_set)
             field_text(out, policies[i].key, policies[i].value);
     for (int i = 0; i < 3; i++) {
@@ -253,7 +255,7 @@ int declare_all(busd_bus *bus)
     for (busd_node *node = bus->nodes; node != NULL && status == 0; node = node->next)
         if (node->state == UNDECLARED && !node->is_closed)
             status = declare_node(node);
-    return status;
+    return status == 0 && bus->watches != NULL ? graph_ask(bus) : status;
 }
 
 /* Takes Created, Done or Refused. */
@@ -265,6 +267,10 @@ void answer_take(busd_bus *bus, busd_in body, bool is_created)
     struct waiting *waiting = waiting_for(bus, request);
     if (waiting != NULL)
         waiting->answer = answer;
+    if (is_refused && request == bus->graph_request && request != 0) {
+        graph_refused(bus, waiting == NULL);
+        return;
+    }
     for (busd_node *node = bus->nodes; node != NULL; node = node->next) {
         if (node->state != ASKED || node->request != request)
             continue;
@@ -305,7 +311,7 @@ int busd_node_create(busd_bus *bus, const char *name, const char *ns, busd_node 
         end = &(*end)->next;
     *end = node;
     int status = node->name == NULL || node->ns == NULL ? fail(bus, ENOMEM, "no memory") : declare_node(node);
-    status = status == 0 ? await(bus, node->request) : status;
+    status = status == 0 ? await(bus, &(struct waiting){.request = node->request}) : status;
     if (status == 0) {
         *place = node;
         return 0;
@@ -390,7 +396,7 @@ static int endpoint_declare_first(struct endpoint *end)
     busd_bus *bus = end->node->bus;
     int status = end->node->state == DECLARED && busd_is_connected(bus) ? declare_endpoint(end)
                                                                        : fail(bus, ENOTCONN, "busd is away");
-    status = status == 0 ? await(bus, end->request) : status;
+    status = status == 0 ? await(bus, &(struct waiting){.request = end->request}) : status;
     if (status < 0) {
         end->is_closed = true;
         sweep_unless_in_turn(bus);

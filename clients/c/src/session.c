@@ -158,6 +158,7 @@ static void do_flush(busd_bus *bus, int64_t now)
 static void (*const due[TIMERS])(busd_bus *bus, int64_t now) = {
     [PING] = do_ping,   [REPORT] = do_report, [RETRY] = do_retry, [STALE] = do_stale,
     [SWEEP] = do_sweep, [ACK] = do_ack,       [FLUSH] = do_flush, [HELLO] = do_hello,
+    [GRAPH] = graph_notify,
 };
 
 static void take_timers(busd_bus *bus)
@@ -257,6 +258,7 @@ void lost(busd_bus *bus, const char *reason)
         s->received = s->repeated = 0;
     }
     services_lost(bus);
+    graph_lost(bus);
     char text[sizeof bus->error];
     memcpy(text, bus->error, sizeof text);
     tell(bus, BUSD_DISCONNECTED, NULL, "connection lost: %s", text);
@@ -401,7 +403,7 @@ static bool deliver(busd_bus *bus)
     return has_more;
 }
 
-/* Frees services, endpoints and nodes that callbacks have closed. */
+/* Frees services, endpoints, nodes and watches that callbacks have closed. */
 static void sweep_closed(busd_bus *bus)
 {
     for (struct service **at = &bus->services, *service; (service = *at) != NULL;) {
@@ -437,6 +439,14 @@ static void sweep_closed(busd_bus *bus)
         free(node->name);
         free(node->ns);
         free(node);
+    }
+    for (busd_watch **at = &bus->watches, *watch; (watch = *at) != NULL;) {
+        if (!watch->is_closed) {
+            at = &watch->next;
+            continue;
+        }
+        *at = watch->next;
+        free(watch);
     }
 }
 
@@ -539,6 +549,9 @@ void busd_close(busd_bus *bus)
         p->end.is_closed = true;
     for (busd_subscription *s = bus->subscriptions; s != NULL; s = s->next)
         s->end.is_closed = true;
+    for (busd_watch *watch = bus->watches; watch != NULL; watch = watch->next)
+        watch->is_closed = true;
+    graph_lost(bus);
     if (bus->sock >= 0)
         close(bus->sock);
     bus->sock = -1;

@@ -29,6 +29,12 @@ template <class T> struct span {
     constexpr span(const From &from) : items(from.data()), count(from.size())
     {
     }
+    // From a list of C.
+    template <class List, class Item = std::remove_pointer_t<decltype(std::declval<const List &>().items)>,
+              class = std::enable_if_t<!std::is_same_v<List, span> && std::is_convertible_v<Item (*)[], T (*)[]>>, class = void>
+    constexpr span(const List &list) : items(list.items), count(list.count)
+    {
+    }
 
     constexpr T *data() const { return items; }
     constexpr std::size_t size() const { return count; }
@@ -37,6 +43,8 @@ template <class T> struct span {
     constexpr T *end() const { return items + count; }
     constexpr T &operator[](std::size_t i) const { return items[i]; }
 };
+
+template <class List> span(const List &) -> span<std::remove_pointer_t<decltype(std::declval<const List &>().items)>>;
 
 } // namespace busd
 
