@@ -1,6 +1,7 @@
 """docs/c.md: its steps, and its programs; the C client's conformance; the header for C++."""
 
 import re
+import runpy
 import shutil
 import signal
 import sys
@@ -14,6 +15,7 @@ from bus.base.version import RELEASE
 from bus.msg.std_msgs import String
 from bus_cli.doctor.conformance.program import outcome
 from bus_cli.doctor.conformance.stories import STORIES
+from bus_cli.interface.c import client_folder
 from conftest import SOON_S
 from programs import on_one_loop, running_command
 from semantics import KEEP_ALL, node
@@ -42,12 +44,18 @@ async def test_it_passes_every_story(programs: Path, monkeypatch: pytest.MonkeyP
 
 @pytest.fixture(scope="session")
 def prefix(programs: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The client, installed as the page says."""
+    """The client of a wheel, installed as the page says."""
+    assert 'make -C "$(bus interface c --path)" install PREFIX=' in PAGE
     assert "make -C clients/c install PREFIX=" in PAGE
     folder = tmp_path_factory.mktemp("installed")
-    made = ("make", "-s", "-C", c_programs.CLIENT, "-j2", f"BUILD={folder / 'build'}", "CFLAGS=-O0")
+    for name in runpy.run_path(str(c_programs.ROOT / "setup.py"))["c_client"]():
+        (folder / "bus_c" / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(c_programs.ROOT / "clients" / name, folder / "bus_c" / name)
+    cache = f"XDG_CACHE_HOME={folder / 'cache'}"
+    made = ("env", cache, "make", "-s", "-C", client_folder("c", folder), "-j2", "CFLAGS=-O0")
     c_programs.run(*made, "library")  # without the prefix
     c_programs.run(*made, f"PREFIX={folder / 'busd-c'}", "install")
+    assert (folder / "cache/busd" / f"c-{RELEASE}" / "libbusd.a").exists()
     return folder / "busd-c"
 
 

@@ -5,6 +5,8 @@ from pathlib import Path
 import pytest
 
 import c_programs
+from bus_cli.interface.c import client_folder
+from bus_cli.output import CommandError
 from cli import bus, start
 
 WHEEL = """\
@@ -152,6 +154,24 @@ def test_c_is_a_header() -> None:
     assert "    m->length = 0.5;" in lines
     assert lines.index("} demo__msg__Spoke;") < lines.index("} demo__msg__Wheel;")
     assert lines[-1] == "#endif"
+
+
+def test_c_prints_the_folder_of_the_client(tmp_path: Path) -> None:
+    folder = Path(bus("interface", "c", "--path").out.strip())
+    assert {"Makefile", "include", "src"} <= {path.name for path in folder.iterdir()}
+    headers = Path(bus("interface", "cpp", "--path").out.strip()) / "include" / "busd"
+    assert (headers / "busd.hpp").is_file()
+    (tmp_path / "bus_c" / "c" / "include" / "busd").mkdir(parents=True)
+    assert client_folder("c", tmp_path) == tmp_path / "bus_c" / "c"
+    with pytest.raises(CommandError, match=f"has no client for cpp: {tmp_path}/bus_c is missing"):
+        client_folder("cpp", tmp_path)
+
+
+def test_c_needs_a_type_or_path() -> None:
+    wrong = "name a message or a service, such as std_msgs/msg/String, or use --path\n"
+    assert (bus("interface", "c").err, bus("interface", "cpp").code) == (wrong, 1)
+    both = bus("interface", "c", "--path", "std_msgs/msg/String")
+    assert (both.err, both.code) == ("--path has neither a type nor --output\n", 1)
 
 
 def test_c_writes_a_file(tmp_path: Path) -> None:

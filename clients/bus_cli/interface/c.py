@@ -1,4 +1,4 @@
-"""`bus interface c`: a C header for a message or a service."""
+"""`bus interface c`: a C header for a message or a service, and the folder of the C client."""
 
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
@@ -19,7 +19,12 @@ def add_arguments(parser: ArgumentParser) -> None:
         metavar="FOLDER",
         help="Write FOLDER/TYPE.h (C++: TYPE.hpp) and print its path. Default: the header on stdout",
     )
-    add_type(parser, "A message or a service (e.g. 'std_msgs/msg/String')")
+    parser.add_argument(
+        "--path",
+        action="store_true",
+        help="Print the folder of the client instead: include/, in C also the sources and a Makefile",
+    )
+    add_type(parser, "A message or a service (e.g. 'std_msgs/msg/String')", is_optional=True)
 
 
 def main(args: Namespace) -> int:
@@ -27,7 +32,14 @@ def main(args: Namespace) -> int:
 
 
 def write(args: Namespace, language: str, suffix: str) -> int:
-    """Print or write the header."""
+    """Print or write the header, or print the folder of the client."""
+    if args.path:
+        if args.type is not None or args.output is not None:
+            raise CommandError("--path has neither a type nor --output")
+        say(str(client_folder(language)))
+        return 0
+    if args.type is None:
+        raise CommandError("name a message or a service, such as std_msgs/msg/String, or use --path")
     name = given_name(args.type)
     text = header_of(name, language)
     if args.output is None:
@@ -41,6 +53,16 @@ def write(args: Namespace, language: str, suffix: str) -> int:
         raise CommandError(f"can't write {path}: {error.strerror}") from None
     say(str(path))
     return 0
+
+
+def client_folder(language: str, installed: Path = Path(__file__).parents[2]) -> Path:
+    """The folder of the client for `c` or `cpp`. Raises CommandError if this installation has none."""
+    for folder in (installed / "bus_c" / language, installed / language):  # from a wheel; in a checkout
+        if (folder / "include" / "busd").is_dir():
+            return folder
+    raise CommandError(
+        f"this installation of busd has no client for {language}: {installed / 'bus_c'} is missing"
+    )
 
 
 def header_of(name: str, language: str = "c") -> str:
