@@ -4,8 +4,8 @@
  *     peer listen TOPIC [option ...]         prints "NUMBER SIZE ROUTE" of each message
  *     peer relay IN OUT [option ...]         publishes on OUT what comes on IN
  *
- * Options: keep_all, best_effort, latched, watch (the graph), depth=N, size=N, wait=N, pause_ms=N, hold=N. At its end
- * (SIGTERM) it prints its statistics as JSON.
+ * Options: keep_all, best_effort, latched, watch (the graph), depth=N, size=N, wait=N, pause_ms=N, hold=N, deadline_ms=N. At
+ * its end (SIGTERM) it prints its statistics as JSON.
  */
 #include <inttypes.h>
 #include <signal.h>
@@ -71,6 +71,8 @@ static void take_options(char **words)
             options.wait = value(word);
         else if (strncmp(word, "pause_ms=", 9) == 0)
             options.pause_ms = value(word);
+        else if (strncmp(word, "deadline_ms=", 12) == 0)
+            options.qos.deadline_ns = (int64_t)value(word) * 1000000;
         else if (strncmp(word, "hold=", 5) == 0)
             options.hold = value(word);
         else
@@ -81,8 +83,9 @@ static void take_options(char **words)
 static void print_stats(const char *what, const busd_stats *s)
 {
     printf("%s {\"samples\": %" PRIu64 ", \"bytes\": %" PRIu64 ", \"replaced\": %" PRIu64 ", \"expired\": %" PRIu64
-           ", \"lost\": %" PRIu64 ", \"expected\": %" PRIu64 ", \"queued\": %" PRIu64 ", \"matches\": %u, \"by_ring\": %u}\n",
-           what, s->samples, s->bytes, s->replaced, s->expired, s->lost, s->expected, s->queued, s->matches, s->by_ring);
+           ", \"lost\": %" PRIu64 ", \"expected\": %" PRIu64 ", \"queued\": %" PRIu64 ", \"matches\": %u, \"by_ring\": %u, \"missed\": %" PRIu64 "}\n",
+           what, s->samples, s->bytes, s->replaced, s->expired, s->lost, s->expected, s->queued, s->matches, s->by_ring,
+           s->missed_deadlines);
     fflush(stdout);
 }
 

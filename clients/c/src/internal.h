@@ -13,6 +13,7 @@
  *     inbox.c          its samples by socket, acknowledgements
  *     services.c       servers and clients of services
  *     reports.c        counters for busd
+ *     deadlines.c      missed deadlines
  *     graph.c          a mirror of the graph; questions for it, and watches
  *     graph_view.c     a snapshot of the mirror for the program
  *     segment.c        memory and doorbells
@@ -155,6 +156,8 @@ struct endpoint {
     enum declared state;
     bool is_publisher, is_lossless, is_dirty, is_closed;
     uint64_t window_samples, window_bytes;
+    int64_t last_ns; /* with a deadline: of the last message, or the last missed deadline; 0: none yet */
+    uint64_t missed; /* deadlines */
     uint64_t round; /* of the last report, see reports.c */
 };
 
@@ -201,6 +204,7 @@ struct source {
     uint64_t last_seq;             /* received */
     uint64_t taken_seq, acked_seq; /* by socket */
     uint64_t unacked_bytes;
+    uint64_t noted;                /* in its rings, see deadlines.c */
     uint64_t history_end;          /* samples before this are history, which the depth leaves alone */
     bool is_by_ring, is_lossless, is_stale, is_gone;
     /* by ring, while it has a seat */
@@ -308,7 +312,7 @@ struct busd_watch {
 
 /* --- the connection */
 
-enum timer { PING, REPORT, RETRY, STALE, SWEEP, ACK, FLUSH, HELLO, GRAPH, TIMERS };
+enum timer { PING, REPORT, RETRY, STALE, SWEEP, ACK, FLUSH, HELLO, GRAPH, DEADLINE, TIMERS };
 
 struct busd_bus {
     pid_t pid;
@@ -342,6 +346,7 @@ struct busd_bus {
     busd_publisher *publishers;
     busd_subscription *subscriptions;
     struct service *services;
+    bool has_deadlines;      /* of subscriptions */
     /* graph.c */
     struct mirror mirror;
     bool mirrors;            /* the mirror has begun */
@@ -486,6 +491,11 @@ void services_close(busd_node *node);
 void services_matched(busd_publisher *publisher, bool has_come);
 void services_lost(busd_bus *bus);
 void service_free(struct service *service);
+
+/* deadlines.c */
+void deadline_note(struct endpoint *end, int64_t at_ns);
+void deadlines_look(busd_bus *bus);
+void deadlines_check(busd_bus *bus, int64_t now);
 
 /* graph.c */
 int graph_ask(busd_bus *bus);

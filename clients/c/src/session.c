@@ -45,7 +45,7 @@ void tell(busd_bus *bus, busd_event_kind kind, const struct endpoint *end, const
     va_start(arguments, form);
     vsnprintf(text, sizeof text, form, arguments);
     va_end(arguments);
-    busd_event event = {.kind = kind, .text = text};
+    busd_event event = {.kind = kind, .text = text, .count = kind == BUSD_DEADLINE_MISSED ? end->missed : 0};
     if (end != NULL && end->is_publisher)
         event.publisher = (busd_publisher *)(uintptr_t)end;
     else if (end != NULL)
@@ -158,7 +158,7 @@ static void do_flush(busd_bus *bus, int64_t now)
 static void (*const due[TIMERS])(busd_bus *bus, int64_t now) = {
     [PING] = do_ping,   [REPORT] = do_report, [RETRY] = do_retry, [STALE] = do_stale,
     [SWEEP] = do_sweep, [ACK] = do_ack,       [FLUSH] = do_flush, [HELLO] = do_hello,
-    [GRAPH] = graph_notify,
+    [GRAPH] = graph_notify, [DEADLINE] = deadlines_check,
 };
 
 static void take_timers(busd_bus *bus)
@@ -461,6 +461,7 @@ static int take_turn(busd_bus *bus, const struct epoll_event *events, int count)
     bus->turns++;
     if (bus->header != NULL)
         bell_disarm(&bus->header->arrival);
+    deadlines_look(bus);
     bool has_more = deliver(bus); /* first, because the doorbell is the usual reason to wake up */
     for (int i = 0; i < count; i++) {
         switch (events[i].data.u32) {
@@ -473,6 +474,7 @@ static int take_turn(busd_bus *bus, const struct epoll_event *events, int count)
                 has_more = true;
         }
     }
+    deadlines_look(bus);
     has_more |= deliver(bus);
     bus->turns--;
     sweep_unless_in_turn(bus);

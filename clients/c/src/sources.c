@@ -237,6 +237,7 @@ static const char *attach(busd_subscription *sub, struct source *source, busd_in
     if (sub->end.is_lossless)
         source->doorbell = fcntl(fds[1], F_DUPFD_CLOEXEC, 0);
     source->is_by_ring = true;
+    source->noted = feed->ring.next - 1;
     return NULL;
 }
 

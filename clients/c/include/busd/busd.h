@@ -90,6 +90,7 @@ typedef enum busd_event_kind {
     BUSD_LIVELINESS_CHANGED, /* of a publisher */
     BUSD_LIVELINESS_LOST,    /* to the publisher itself */
     BUSD_NAMESAKE,           /* another node has the name of a node of ours */
+    BUSD_DEADLINE_MISSED,    /* no message was published, or arrived, within the deadline */
 } busd_event_kind;
 
 typedef struct busd_event {
@@ -97,6 +98,7 @@ typedef struct busd_event {
     const char *text;                /* a sentence for the log */
     busd_publisher *publisher;       /* the endpoint of ours, if the event is about one; else NULL */
     busd_subscription *subscription;
+    uint64_t count;                  /* BUSD_DEADLINE_MISSED: of the endpoint until now; else 0 */
 } busd_event;
 
 /* `callback` gets every later event, inside of calls of the library. */
@@ -225,6 +227,7 @@ typedef struct busd_stats {
     uint64_t expected;       /* samples for this subscription since its matches began */
     uint64_t queued;         /* that wait */
     uint32_t matches, by_ring;
+    uint64_t missed_deadlines;
 } busd_stats;
 
 void busd_publisher_stats(const busd_publisher *publisher, busd_stats *stats);
