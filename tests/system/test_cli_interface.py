@@ -237,6 +237,53 @@ def test_odd_defaults_and_reserved_names_compile(package: Path, tmp_path: Path) 
         c_programs.run(compiler, f"-std={standard}", *options, tmp_path / name)
 
 
+CONSTANTS = r"""
+bool YES=true
+int8 LEAST_8=-128
+int32 LEAST_32=-2147483648
+uint32 MOST_32=4294967295
+int64 LEAST=-9223372036854775808
+uint64 MOST=18446744073709551615
+float32 TENTH=0.1
+float64 THIRD=-0.3333333333333333
+byte THREE=3
+char LETTER=65
+string TEXT="ä \"x\" ??/"
+"""
+CHECKS = r"""
+EQUAL(YES, true) EQUAL(LEAST_8, -128) EQUAL(LEAST_32, INT32_MIN) EQUAL(MOST_32, UINT32_MAX)
+EQUAL(LEAST, INT64_MIN) EQUAL(MOST, UINT64_MAX) EQUAL(TENTH, 0.1f) EQUAL(THIRD, -0.3333333333333333)
+EQUAL(THREE, 3) EQUAL(LETTER, 65)
+static uint32_t most = NAME(MOST_32);
+"""
+CHECKS_IN_C = r"""
+#define NAME(constant) demo__msg__Constants__##constant
+#define EQUAL(constant, value) _Static_assert(NAME(constant) == (value), #constant);
+"""
+CHECKS_IN_CPP = r"""
+#define NAME(constant) demo::msg::Constants::constant
+#define EQUAL(constant, value) static_assert(NAME(constant) == (value), #constant);
+EQUAL(TEXT, std::string_view("\303\244 \"x\" \?\?/"))
+static_assert(std::is_same_v<decltype(NAME(LEAST_8)), const int8_t>);
+static_assert(std::is_same_v<decltype(NAME(TENTH)), const float>);
+"""
+
+
+@pytest.mark.skipif(bool(c_programs.why_not() or c_programs.why_no_cpp()), reason="no gcc or g++")
+def test_constants_have_their_values_in_c_and_cpp(package: Path, tmp_path: Path) -> None:
+    (package / "msg/Constants.msg").write_text(CONSTANTS)
+    text = bus("interface", "c", "demo/msg/Constants").out
+    assert r'#define demo__msg__Constants__TEXT "\303\244 \042x\042 \077\077/"' in text
+    assert "#define demo__msg__Wheel__LEFT 1\n" in bus("interface", "c", "demo/msg/Wheel").out
+    main = "int main(void) { return (int)most; }\n"
+    (tmp_path / "constants.c").write_text(text + CHECKS_IN_C + CHECKS + main)
+    text = bus("interface", "cpp", "demo/msg/Constants").out
+    (tmp_path / "constants.cpp").write_text(text + CHECKS_IN_CPP + CHECKS + main)
+    for compiler, name, standard in (("gcc", "constants.c", "c11"), ("g++", "constants.cpp", "c++17")):
+        options = ("-Wall", "-Wextra", "-Werror", "-fsyntax-only", *INCLUDES)
+        c_programs.run(compiler, f"-std={standard}", *options, tmp_path / name)
+
+
 def test_c_is_not_for_actions() -> None:
     result = bus("interface", "c", "example_interfaces/action/Fibonacci")
     assert result.code == 1

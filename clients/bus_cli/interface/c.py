@@ -1,14 +1,16 @@
 """`bus interface c`: a C header for a message or a service, and the folder of the C client."""
 
 from argparse import ArgumentParser, Namespace
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from bus_cli.interface.show import add_type, given_name
 from bus_cli.output import CommandError, say
 
 if TYPE_CHECKING:
     from bus_cli.interface.c_fields import Language
+    from bus_cli.interface.c_header import Constants
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -87,7 +89,8 @@ def _of_message(name: str, language: "Language") -> str:
     from bus_cli.interface.c_header import Described, header
 
     schema = MessageSchema.of(message_class(name))
-    return header(schema.description, Described(name, schema.type_hash, schema.encoded), language)
+    described = Described(name, schema.type_hash, schema.encoded)
+    return header(schema.description, described, _constants_of(schema.description), language)
 
 
 def _of_service(name: str, language: "Language") -> str:
@@ -97,12 +100,24 @@ def _of_service(name: str, language: "Language") -> str:
 
     support = ServiceSupport(service_class(name))
     requests, replies = support.requests, support.replies(b"")
+    bodies = (support.request.schema, support.response.schema)
     return service_header(
         name,
-        (support.request.schema, support.response.schema),
+        bodies,
         (
             Described(requests.name, requests.hash, requests.description),
             Described(replies.name, replies.hash, replies.description),
         ),
+        _constants_of(*bodies),
         language,
     )
+
+
+def _constants_of(*descriptions: Mapping[str, Any]) -> "Constants":
+    """The constants of all types in these descriptions."""
+    from bus.types.definitions import find_message
+
+    names = {name for description in descriptions for name in description["types"]}
+    return {
+        name: [(one.name, one.type.base, one.value) for one in find_message(name).constants] for name in names
+    }
