@@ -25,7 +25,15 @@ CORES = {
 }
 """The native cores, and where their sources are: all of a folder."""
 C_CLIENT = (
-    *("c/Makefile", "c/*.in", "c/*.cmake", "c/include/busd/*.h", "c/src/*.[ch]", "c/examples/*.c"),
+    *(
+        "c/Makefile",
+        "c/CMakeLists.txt",
+        "c/*.in",
+        "c/*.cmake",
+        "c/include/busd/*.h",
+        "c/src/*.[ch]",
+        "c/examples/*.c",
+    ),
     *("cpp/include/busd/*.hpp", "bus/shm/[!p]*.h", "bus/base/version.py"),
 )
 """Files of `clients/` that a program in C or C++ needs. A wheel has them below `bus_c`."""

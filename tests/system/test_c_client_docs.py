@@ -1,5 +1,6 @@
 """docs/c.md: its steps, and its programs; the C client's conformance; the header for C++."""
 
+import os
 import re
 import runpy
 import shutil
@@ -24,7 +25,7 @@ __all__ = ["node"]
 
 PAGE = (c_programs.ROOT / "docs" / "c.md").read_text()
 C_PROGRAM, C_IMAGE, C_SERVICE, C_GRAPH = re.findall(r"```c\n(.*?)```", PAGE, re.DOTALL)
-(CMAKE_PROJECT,) = re.findall(r"```cmake\n(.*?)```", PAGE, re.DOTALL)
+CMAKE_PROJECT, CMAKE_SUBDIRECTORY = re.findall(r"```cmake\n(.*?)```", PAGE, re.DOTALL)
 CPP_PROGRAM, CPP_SERVICE, CPP_GRAPH = re.findall(r"```cpp\n(.*?)```", PAGE, re.DOTALL)
 
 
@@ -137,25 +138,53 @@ def cpp_page(programs: Path, prefix: Path, tmp_path_factory: pytest.TempPathFact
     project = project.replace("msg/String)", "msg/String example_interfaces/srv/AddTwoInts)")
     newer = "find_package(busd 99 QUIET)\nif(busd_FOUND)\n  message(FATAL_ERROR 99)\nendif()\n"
     (folder / "CMakeLists.txt").write_text(project + newer)
-    (folder / "bus").write_text(f'#!/bin/sh\nexec {sys.executable} -m bus_cli "$@"\n')
-    (folder / "bus").chmod(0o755)
+    write_bus(folder)
     given = (f"-DCMAKE_PREFIX_PATH={prefix}", f"-DBUSD_BUS={folder}/bus", "-DCMAKE_CXX_FLAGS=-Wall -Werror")
     c_programs.run("cmake", "-S", folder, "-B", folder / "build", *given)
     c_programs.run("cmake", "--build", folder / "build")
     return folder / "build/hello"
 
 
-@pytest.mark.skipif(bool(c_programs.why_no_cpp()), reason=c_programs.why_no_cpp())
-async def test_the_programs_in_cpp(node: bus.Node, cpp_page: Path, tmp_path: Path) -> None:
+def write_bus(folder: Path) -> None:
+    """A program `bus` of this checkout."""
+    (folder / "bus").write_text(f'#!/bin/sh\nexec {sys.executable} -m bus_cli "$@"\n')
+    (folder / "bus").chmod(0o755)
+
+
+async def says_hello(node: bus.Node, program: Path, folder: Path) -> None:
+    """The first program of the page hears a message, and publishes it."""
     subscription = await node.create_subscription(String, "/out", 10)
     publisher = await node.create_publisher(String, "/in", 10)
-    async with running_command(tmp_path, cpp_page) as hello:
+    async with running_command(folder, program) as hello:
         await publisher.wait_for_subscriptions()
         await subscription.wait_for_publishers()
         publisher.publish(String(data="hello from the shell"))
         assert (await subscription.receive())[0].data == "I heard: hello from the shell"
         hello.process.send_signal(signal.SIGINT)
         assert await hello.end() == -signal.SIGINT
+
+
+@pytest.mark.skipif(shutil.which("cmake") is None or bool(c_programs.why_no_cpp()), reason="no cmake or g++")
+async def test_a_project_that_builds_the_client(
+    node: bus.Node, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    project, build = tmp_path / "project", tmp_path / "build"
+    project.mkdir()
+    (project / "hello.cpp").write_text(CPP_PROGRAM)
+    (project / "CMakeLists.txt").write_text(CMAKE_SUBDIRECTORY)
+    write_bus(tmp_path)
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=os.pathsep)
+    strict = "-Wall -Wextra -Werror"
+    c_programs.run(
+        *("cmake", "-S", project, "-B", build, f"-DCMAKE_C_FLAGS={strict}", f"-DCMAKE_CXX_FLAGS={strict}")
+    )
+    c_programs.run("cmake", "--build", build)
+    await says_hello(node, build / "hello", tmp_path)
+
+
+@pytest.mark.skipif(bool(c_programs.why_no_cpp()), reason=c_programs.why_no_cpp())
+async def test_the_programs_in_cpp(node: bus.Node, cpp_page: Path, tmp_path: Path) -> None:
+    await says_hello(node, cpp_page, tmp_path)
     async with running_command(tmp_path, cpp_page, "add") as adder:
         assert await adder.end() == 0
         assert adder.lines == ["sum 5", "answers: /adder "]
