@@ -178,10 +178,12 @@ class HostileBusd:
         text = source.choice(["/a", "/a/_request", "/a/_reply", "/_request", "", "b" * 300, "c\0d"])
         types = {"type_name": source.choice(["a/srv/B_Request", "_Request", ""]), "type_hash": text}
         origin = {"bridge": text, "bus": ""}
+        counters = {"dropped": {text: number}, "age_parts": [number] * source.randrange(4), "samples": -1}
         record: dict[str, Any] = {
             "nodes": {"id": number, "name": "n", "namespace": text, "pid": 1, "origin": origin},
             "endpoints": {"id": number, "node": owner, "topic": text, "gid": bytes(16), **types}
-            | {"qos": {"deadline": source.choice([1.0, -1.0, 1e300, float("nan"), None])}},
+            | {"qos": {"deadline": source.choice([1.0, -1.0, 1e300, float("nan"), None])}}
+            | {"statistics": source.choice([None, {}, counters])},
             "matches": {"publisher": number, "subscription": source.randrange(2), "route": text},
         }[kind]  # fmt: skip
         record["kind"] = source.choice(["publisher", "publisher", "subscription", "tap", "new"])

@@ -1,6 +1,7 @@
 /* The C side of tests/system/test_c_client_graph.py: prints graphs, each as JSON in one line.
  *
  *     graph get      the graph now
+ *     graph counted  the same with statistics
  *     graph watch    each graph of a watch, until SIGTERM
  *     graph story    watches that begin and end in callbacks
  */
@@ -63,6 +64,19 @@ static void print_nodes(busd_node_list nodes)
     printf("]");
 }
 
+static void print_statistics(const busd_graph_statistics *s)
+{
+    printf(", [%" PRIu64 ", %" PRIu64 ", %" PRIu64 ", %" PRIu64 ", %" PRIu64 ", {", s->samples, s->bytes, s->queued,
+           s->expected, s->dropped);
+    for (size_t i = 0; i < s->drop_count; i++)
+        printf("%s\"%s\": %" PRIu64, i == 0 ? "" : ", ", s->drops[i].reason, s->drops[i].count);
+    printf("}, %" PRId64 ", %" PRIu64 ", %" PRIu64 ", %" PRIu64 ", %" PRIu64 ", [", s->at_ns, s->age_count, s->age_sum_ns,
+           s->age_max_ns, s->most_missed);
+    for (size_t i = 0; i < s->age_part_count; i++)
+        printf("%s%" PRIu64, i == 0 ? "" : ", ", s->age_parts[i]);
+    printf("]]");
+}
+
 static void print_endpoints(const char *name, busd_endpoint_list list)
 {
     printf(", \"%s\": [", name);
@@ -72,9 +86,12 @@ static void print_endpoints(const char *name, busd_endpoint_list list)
                one->topic, one->type_name, one->type_hash);
         for (size_t byte = 0; byte < sizeof one->gid; byte++)
             printf("%02x", one->gid[byte]);
-        printf("\", [%" PRIu32 ", %d, %d, %d, %d, %" PRId64 ", %" PRId64 ", %" PRId64 "]]", one->qos.depth, one->qos.history,
+        printf("\", [%" PRIu32 ", %d, %d, %d, %d, %" PRId64 ", %" PRId64 ", %" PRId64 "]", one->qos.depth, one->qos.history,
                one->qos.reliability, one->qos.durability, one->qos.liveliness, one->qos.deadline_ns, one->qos.lifespan_ns,
                one->qos.lease_ns);
+        if (one->statistics != NULL)
+            print_statistics(one->statistics);
+        printf("]");
     }
     printf("]");
 }
@@ -123,10 +140,10 @@ static void print_change(void *user, const busd_graph *graph)
     print_graph(graph);
 }
 
-static void get(void)
+static void get(int with_statistics)
 {
     const busd_graph *graph;
-    need(busd_graph_get(bus, &graph));
+    need(busd_graph_get(bus, with_statistics, &graph));
     print_graph(graph);
     busd_graph_free(graph);
 }
@@ -151,7 +168,7 @@ static void hear_second(void *user, const busd_graph *graph)
     const busd_graph *now;
     (void)user;
     calls_of_second++;
-    need(busd_graph_get(bus, &now));
+    need(busd_graph_get(bus, 0, &now));
     printf("second: %d\n", now->revision == graph->revision);
     busd_graph_free(now);
     printf("wait in a callback: %d\n", busd_wait(bus, 0) < 0);
@@ -196,8 +213,8 @@ int main(int argc, char **argv)
         story();
         return 0;
     }
-    if (strcmp(role, "get") == 0)
-        get();
+    if (strcmp(role, "get") == 0 || strcmp(role, "counted") == 0)
+        get(strcmp(role, "counted") == 0);
     else
         watch();
     busd_close(bus);

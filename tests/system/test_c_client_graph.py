@@ -37,7 +37,12 @@ def endpoint_in_c(one: GraphEndpoint) -> list[Any]:
     qos = one.qos
     choices = [values.index(getattr(qos, name)) for name, values in CHOICES]
     profile = [qos.depth, *choices, qos.deadline_ns, qos.lifespan_ns, qos.lease_ns]
-    return [one.id, one.node.id, one.topic, one.type_name, one.type_hash, one.gid.hex(), profile]
+    found = [one.id, one.node.id, one.topic, one.type_name, one.type_hash, one.gid.hex(), profile]
+    if (s := one.statistics) is not None:
+        counters = [s.samples, s.bytes, s.queued, s.expected, sum(s.dropped.values()), s.dropped]
+        ages = [s.age_count, s.age_sum_ns, s.age_max_ns, s.most_missed, [*s.age_parts]]
+        found.append([*counters, s.at_ns, *ages])
+    return found
 
 
 def ids(endpoints: Iterable[GraphEndpoint]) -> list[int]:
@@ -109,6 +114,31 @@ async def test_one_snapshot_is_the_librarys(node: bus.Node, programs: Path, tmp_
     assert [len(part) for part in wanted["services"]["/add"]] == [1, 1, 1]
     assert [len(part) for part in wanted["services"]["/alone/add"]] == [1, 0, 1]
     assert len(wanted["matches"]) == 3
+
+
+async def test_a_snapshot_with_statistics_is_the_librarys(
+    node: bus.Node, programs: Path, tmp_path: Path, route: str
+) -> None:
+    subscription = await node.create_subscription(String, "/t", 2)
+    async with c_programs.peer(programs, tmp_path, "talk", "/t", "9", "wait=1") as talker:
+        await talker.line("published")
+        while (await subscription.receive())[0].data != "8 ":
+            pass
+        async with asyncio.timeout(10):  # until both processes have reported
+            while True:
+                wanted = graph_in_c(await node.graph(statistics=True))
+                samples = [
+                    one[7][0] for one in (*wanted["publishers"], *wanted["subscriptions"]) if one[2] == "/t"
+                ]
+                dropped = wanted["subscriptions"][0][7][4]
+                if samples == [9, 9 - dropped]:
+                    break
+                await asyncio.sleep(0.05)
+        async with running_command(tmp_path, programs / "graph", "counted") as program:
+            assert await program.end() == 0, program.lines
+        await talker.finish()
+    assert json.loads(program.lines[0]) == wanted
+    assert wanted["subscriptions"][0][7][-1]  # a histogram of ages
 
 
 async def test_a_watch_follows_programs_that_come_and_go(

@@ -14,7 +14,8 @@
  *     services.c       servers and clients of services
  *     reports.c        counters for busd
  *     deadlines.c      missed deadlines
- *     graph.c          a mirror of the graph; questions for it, and watches
+ *     graph.c          questions for the graph, and watches
+ *     graph_mirror.c   a mirror of the graph
  *     graph_view.c     a snapshot of the mirror for the program
  *     segment.c        memory and doorbells
  *     headroom.c       how much memory may be used
@@ -380,6 +381,7 @@ void ping_due(busd_bus *bus);
 /* frames.c */
 void control_begin(busd_out *out, const char *tag, unsigned fields);
 void field_number(busd_out *out, const char *key, uint64_t number);
+void field_bool(busd_out *out, const char *key, bool value);
 void field_text(busd_out *out, const char *key, const char *text);
 void field_bytes(busd_out *out, const char *key, const void *bytes, size_t size);
 int control_send(busd_bus *bus, busd_out *out, const int *fds, unsigned fd_count);
@@ -504,6 +506,11 @@ int graph_change(busd_bus *bus, busd_in body);
 void graph_refused(busd_bus *bus, bool is_told);
 void graph_notify(busd_bus *bus, int64_t now);
 void graph_lost(busd_bus *bus);
+
+/* graph_mirror.c */
+int mirror_begin(busd_bus *bus, struct mirror *mirror, busd_in body);
+int mirror_change(busd_bus *bus, struct mirror *mirror, busd_in body);
+void mirror_free(struct mirror *mirror);
 struct record *record_of(const void *item);
 void record_drop(struct record *record);
 

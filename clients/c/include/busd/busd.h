@@ -244,12 +244,31 @@ typedef struct busd_graph_node {
     const char *bus;         /* and the bus that the bridge took it from */
 } busd_graph_node;
 
+typedef struct busd_graph_drop {
+    const char *reason;
+    uint64_t count;
+} busd_graph_drop;
+
+/* Counters of an endpoint, as its process has reported them last. docs/protocol.md: "Records inside a graph". */
+typedef struct busd_graph_statistics {
+    uint64_t samples, bytes;      /* published; or taken */
+    uint64_t queued, expected;    /* of a subscription, as the rest */
+    uint64_t dropped;             /* the sum of the drops */
+    const busd_graph_drop *drops; /* by reason */
+    size_t drop_count;
+    int64_t at_ns;                /* of samples and bytes, CLOCK_MONOTONIC; 0: not reported */
+    uint64_t age_count, age_sum_ns, age_max_ns, most_missed;
+    const uint64_t *age_parts;    /* the histogram of the ages */
+    size_t age_part_count;
+} busd_graph_statistics;
+
 typedef struct busd_graph_endpoint {
     uint64_t id;
     const busd_graph_node *node;
     const char *topic, *type_name, *type_hash;
     unsigned char gid[16];
     busd_qos qos;
+    const busd_graph_statistics *statistics; /* only if busd_graph_get() has asked for them; else NULL */
 } busd_graph_endpoint;
 
 typedef struct busd_graph_match {
@@ -305,9 +324,9 @@ typedef struct busd_graph {
     size_t service_count;
 } busd_graph;
 
-/* Asks busd for the graph, and waits for it. Errors: -ENOTCONN, -ETIMEDOUT, -ENOMEM. Free it with busd_graph_free(). A
- * graph may outlive the connection. */
-int busd_graph_get(busd_bus *bus, const busd_graph **graph);
+/* Asks busd for the graph, and waits for it. `with_statistics` 1: with the counters of endpoints. Errors: -ENOTCONN,
+ * -ETIMEDOUT, -ENOMEM. Free it with busd_graph_free(). A graph may outlive the connection. */
+int busd_graph_get(busd_bus *bus, int with_statistics, const busd_graph **graph);
 
 /* NULL if no endpoint has that topic or service. */
 const busd_graph_topic *busd_graph_find_topic(const busd_graph *graph, const char *name);

@@ -494,11 +494,11 @@ class bus {
         detail::check(handle, status);
     }
     node create_node(const std::string &name, const std::string &ns = "/") { return node(handle_.get(), name, ns); }
-    // The graph now. Waits for busd.
-    busd::graph graph()
+    // The graph now, with the counters of endpoints if asked. Waits for busd.
+    busd::graph graph(bool with_statistics = false)
     {
         const busd_graph *found = nullptr;
-        detail::check(handle_.get(), busd_graph_get(handle_.get(), &found));
+        detail::check(handle_.get(), busd_graph_get(handle_.get(), with_statistics, &found));
         return busd::graph(found);
     }
     [[nodiscard]] watch watch_graph(watch::callback call) { return watch(handle_.get(), std::move(call)); }
