@@ -5,6 +5,7 @@ import re
 import runpy
 import shutil
 import signal
+import subprocess
 import sys
 from pathlib import Path
 
@@ -55,6 +56,11 @@ def prefix(programs: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     cache = f"XDG_CACHE_HOME={folder / 'cache'}"
     made = ("env", cache, "make", "-s", "-C", client_folder("c", folder), "-j2", "CFLAGS=-O0")
     c_programs.run(*made, "library")  # without the prefix
+    relative = subprocess.run(
+        [*made, "PREFIX=busd-c", "install"], capture_output=True, text=True, check=False
+    )
+    wrong = "PREFIX is 'busd-c'; it must be an absolute path, such as $HOME/busd-c\n"
+    assert relative.returncode != 0 and relative.stderr.startswith(wrong)
     c_programs.run(*made, f"PREFIX={folder / 'busd-c'}", "install")
     assert (folder / "cache/busd" / f"c-{RELEASE}" / "libbusd.a").exists()
     return folder / "busd-c"

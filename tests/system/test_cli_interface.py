@@ -209,6 +209,13 @@ static constexpr int three[] = {1, 2, 3};
 constexpr busd::span<const int> ints = three;
 static_assert(ints.size() == 3 && ints[2] == 3 && *ints.begin() == 1 && ints.end() - ints.data() == 3);
 static_assert(!std::is_convertible_v<std::vector<int>, busd::span<const double>>);
+static busd::span<int> changeable;
+busd::span<const int> fixed = changeable;
+static_assert(!std::is_convertible_v<busd::span<const int>, busd::span<int>>);
+constexpr busd_endpoint_list endpoints = {nullptr, 0};
+constexpr auto list = busd::span(endpoints);
+static_assert(std::is_same_v<decltype(list), const busd::span<const busd_graph_endpoint *const>>);
+static_assert(!std::is_convertible_v<busd_endpoint_list, busd::span<const double>>);
 int main() { view = again; }
 """
 INCLUDES = [f"-I{c_programs.ROOT / 'clients' / language / 'include'}" for language in ("c", "cpp")]
