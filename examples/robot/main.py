@@ -49,7 +49,7 @@ def robot_in_python() -> Robot:
 def robot_in_c() -> Robot:
     """Builds its programs. Raises Failure if that is not possible."""
     tools = ("make", os.environ.get("CC", "cc"), os.environ.get("CXX", "c++"))
-    if missing := [name for name in tools if shutil.which(name) is None]:
+    if missing := [name for name in tools if shutil.which(name.split()[0]) is None]:
         raise Failure(
             f"a camera in C and a controller in C++ need a compiler: there is no {', no '.join(missing)}"
         )
