@@ -507,6 +507,7 @@ int busd_wait(busd_bus *bus, int timeout_ms)
         return status;
     if (bus->header != NULL)
         bell_arm(&bus->header->arrival, 0);
+    deadlines_look(bus); /* messages that have come without a turn, while a call waited for busd */
     const int count = epoll_wait(bus->epoll, events, 4, has_news(bus) ? 0 : timeout_ms);
     if (count < 0 && errno != EINTR)
         return fail(bus, errno, "epoll_wait: %s", strerror(errno));
