@@ -186,9 +186,17 @@ static void hear_first(void *user, const busd_graph *graph)
     }
 }
 
+static void count(void *user, const busd_graph *graph)
+{
+    (void)graph;
+    ++*(int *)user;
+}
+
 static void story(void)
 {
     busd_node *node;
+    busd_watch *one, *other;
+    int calls_of_one = 0, calls_of_other = 0;
     need(busd_watch_create(bus, hear_first, NULL, &first));
     while (calls_of_second == 0)
         need(busd_wait(bus, -1));
@@ -198,6 +206,13 @@ static void story(void)
     need(busd_watch_create(bus, hear_first, NULL, &first));
     while (calls_of_first < 2)
         need(busd_wait(bus, -1));
+    need(busd_watch_create(bus, count, &calls_of_one, &one));
+    while (calls_of_one == 0)
+        need(busd_wait(bus, -1));
+    need(busd_watch_create(bus, count, &calls_of_other, &other)); /* it alone needs the graph */
+    while (calls_of_other == 0)
+        need(busd_wait(bus, -1));
+    printf("calls %d and %d\n", calls_of_one, calls_of_other);
     printf("kept %zu nodes\n", kept->nodes.count);
     busd_close(bus);
     printf("topic %d, service %d\n", busd_graph_find_topic(kept, "/none") != NULL, busd_graph_find_service(kept, "/none") != NULL);

@@ -105,13 +105,14 @@ async def test_one_snapshot_is_the_librarys(node: bus.Node, programs: Path, tmp_
     await node.create_service(AddTwoInts, "/add", lambda _: AddTwoInts.Response())
     await node.create_client(AddTwoInts, "/add")
     await node.create_client(AddTwoInts, "/alone/add")
-    async with bus.Node("other", namespace="/deep/down"):
+    async with bus.Node("other", namespace="/deep/down") as other:
+        await other.create_subscription(String, "/add/_request", 10)  # no server
         wanted = graph_in_c(await node.graph())
         async with running_command(tmp_path, programs / "graph", "get") as program:
             assert await program.end() == 0, program.lines
     assert json.loads(program.lines[0]) == wanted
     assert wanted["topics"]["/all"][0] == ["std_msgs/msg/Int32", "std_msgs/msg/String"]
-    assert [len(part) for part in wanted["services"]["/add"]] == [1, 1, 1]
+    assert [len(part) for part in wanted["services"]["/add"]] == [2, 1, 1]
     assert [len(part) for part in wanted["services"]["/alone/add"]] == [1, 0, 1]
     assert len(wanted["matches"]) == 3
 
@@ -191,7 +192,7 @@ async def test_watches_begin_and_end_in_callbacks(daemon: Daemon, programs: Path
     assert program.lines == [
         "second: 1",
         "wait in a callback: 1",
-        "calls 1 and 1",
+        *["calls 1 and 1"] * 2,
         "kept 0 nodes",
         "topic 0, service 0",
     ]

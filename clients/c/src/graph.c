@@ -22,11 +22,17 @@ static bool has_watch(const busd_bus *bus)
     return watch != NULL;
 }
 
+/* Gives a graph soon to the watches that do not have the newest one. */
+static void notify_soon(busd_bus *bus)
+{
+    if (bus->at[GRAPH] == 0)
+        set_timer(bus, GRAPH, (int64_t)sizes_max((uint64_t)now_ns(), (uint64_t)bus->graph_rest_ns));
+}
+
 static void changed(busd_bus *bus)
 {
     bus->graph_changes++;
-    if (bus->at[GRAPH] == 0)
-        set_timer(bus, GRAPH, (int64_t)sizes_max((uint64_t)now_ns(), (uint64_t)bus->graph_rest_ns));
+    notify_soon(bus);
 }
 
 static int observe(busd_bus *bus, uint64_t request, bool is_on)
@@ -148,7 +154,7 @@ int busd_watch_create(busd_bus *bus, busd_graph_changed *callback, void *user, b
         busd_watch_destroy(watch);
         return status;
     }
-    changed(bus);
+    notify_soon(bus);
     *place = watch;
     return 0;
 }
