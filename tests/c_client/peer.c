@@ -4,8 +4,8 @@
  *     peer listen TOPIC [option ...]         prints "NUMBER SIZE ROUTE" of each message
  *     peer relay IN OUT [option ...]         publishes on OUT what comes on IN
  *
- * Options: keep_all, best_effort, latched, watch (the graph), depth=N, size=N, wait=N, pause_ms=N, hold=N, deadline_ms=N. At
- * its end (SIGTERM) it prints its statistics as JSON.
+ * Options: keep_all, best_effort, latched, best_available, watch (the graph), depth=N, size=N, wait=N, pause_ms=N,
+ * hold=N, deadline_ms=N. At its end (SIGTERM) it prints its statistics as JSON.
  */
 #include <inttypes.h>
 #include <signal.h>
@@ -61,6 +61,8 @@ static void take_options(char **words)
             options.qos.reliability = BUSD_BEST_EFFORT;
         else if (strcmp(word, "latched") == 0)
             options.qos.durability = BUSD_TRANSIENT_LOCAL;
+        else if (strcmp(word, "best_available") == 0)
+            options.qos.durability = BUSD_BEST_AVAILABLE;
         else if (strcmp(word, "watch") == 0)
             options.watch = 1;
         else if (strncmp(word, "depth=", 6) == 0)

@@ -158,17 +158,16 @@ static void field_qos(busd_out *out, const busd_qos *qos)
     } policies[] = {{"history", "keep_all", qos->history == BUSD_KEEP_ALL},
                     {"reliability", "best_effort", qos->reliability == BUSD_BEST_EFFORT},
                     {"durability", "transient_local", qos->durability == BUSD_TRANSIENT_LOCAL},
-                    {"durability", "best_available", qos->durability == BUSD_BEST_AVAILABLE},
                     {"liveliness", "manual_by_topic", qos->liveliness == BUSD_MANUAL_BY_TOPIC}};
     size_t fields = 1;
     for (int i = 0; i < 3; i++)
         fields += durations[i].ns != 0;
-    for (int i = 0; i < 5; i++)
+    for (int i = 0; i < 4; i++)
         fields += policies[i].is_set;
     busd_put_text(out, "qos", 3);
     busd_put_map(out, fields);
     field_number(out, "depth", qos->depth);
-    for (int i = 0; i < 5; i++)
+    for (int i = 0; i < 4; i++)
         if (policies[i].is_set)
             field_text(out, policies[i].key, policies[i].value);
     for (int i = 0; i < 3; i++) {
@@ -209,7 +208,8 @@ int declare_endpoint(struct endpoint *end)
         known += source_position(source) != 0;
     declare_type(end);
     const bool has_ring = p != NULL && p->fd >= 0;
-    control_begin(&out, p != NULL ? "pub+" : "sub+", p != NULL ? 8 + has_ring : 7 + (known != 0));
+    const bool takes_history = s != NULL && end->qos.durability == BUSD_BEST_AVAILABLE; /* beside the durability volatile */
+    control_begin(&out, p != NULL ? "pub+" : "sub+", p != NULL ? 8 + has_ring : 7 + (known != 0) + takes_history);
     end->request = ++bus->requests;
     end->state = ASKED;
     field_number(&out, "request", end->request);
@@ -227,6 +227,8 @@ int declare_endpoint(struct endpoint *end)
     } else if (known != 0) {
         field_last_seqs(&out, s, known);
     }
+    if (takes_history)
+        field_bool(&out, "takes_history", true);
     const int status = control_send(bus, &out, p != NULL ? &p->fd : NULL, has_ring);
     if (status < 0)
         end->state = UNDECLARED;
@@ -376,15 +378,18 @@ void busd_node_destroy(busd_node *node)
 
 /* Fills the members of a new endpoint. 0 or -ENOMEM. */
 static int endpoint_begin(struct endpoint *end, busd_node *node, const char *topic, const busd_type *type,
-                          const busd_qos *qos)
+                          const busd_qos *qos, bool is_publisher)
 {
     static const busd_qos usual = {.depth = 10};
-    *end = (struct endpoint){.node = node, .topic = topic_name(node, topic), .type = *type, .qos = qos == NULL ? usual : *qos};
+    *end = (struct endpoint){.node = node, .topic = topic_name(node, topic), .type = *type, .qos = qos == NULL ? usual : *qos,
+                             .is_publisher = is_publisher};
     end->is_lossless = end->qos.history == BUSD_KEEP_ALL && end->qos.reliability == BUSD_RELIABLE;
     if (end->qos.history == BUSD_KEEP_ALL)
         end->qos.depth = sizes_max(end->qos.depth, 1);
     if (!is_utf8(topic))
         return fail(node->bus, EINVAL, "the name of a topic is not UTF-8");
+    if (is_publisher && end->qos.durability == BUSD_BEST_AVAILABLE)
+        return fail(node->bus, EINVAL, "%s: the durability best available is for subscriptions only", topic);
     if (getrandom(end->gid, sizeof end->gid, 0) != sizeof end->gid)
         return fail(node->bus, EIO, "no random numbers");
     return end->topic == NULL ? fail(node->bus, ENOMEM, "no memory") : 0;
@@ -411,8 +416,7 @@ int busd_publisher_create(busd_node *node, const char *topic, const busd_type *t
     busd_publisher *p = calloc(1, sizeof *p);
     if (p == NULL)
         return fail(bus, ENOMEM, "no memory");
-    int status = endpoint_begin(&p->end, node, topic, type, qos);
-    p->end.is_publisher = true;
+    int status = endpoint_begin(&p->end, node, topic, type, qos, true);
     p->fd = -1;
     if (status == 0 && !room_begin(p))
         status = fail(bus, ENOMEM, "no memory for a ring");
@@ -435,7 +439,7 @@ int busd_subscription_create(busd_node *node, const char *topic, const busd_type
     busd_subscription *s = calloc(1, sizeof *s);
     if (s == NULL)
         return fail(bus, ENOMEM, "no memory");
-    int status = endpoint_begin(&s->end, node, topic, type, qos);
+    int status = endpoint_begin(&s->end, node, topic, type, qos, false);
     s->callback = callback;
     s->user = user;
     s->depth = s->end.qos.history == BUSD_KEEP_ALL ? 0 : s->end.qos.depth;
