@@ -71,8 +71,8 @@ $(VENV)/.tools: pyproject.toml | $(STAMP)
 demo: $(STAMP) ## a talker and two listeners, as in the ROS 2 lesson (SECONDS=5 ends by itself)
 	@$(BIN)/python examples/demo.py $(SECONDS)
 
-robot: $(STAMP) ## the lesson's robot: perception, cognition, actuation, monitoring (SECONDS=10)
-	@$(BIN)/python examples/robot/main.py $(SECONDS)
+robot: $(STAMP) ## the lesson's robot: perception, cognition, actuation, monitoring (SECONDS=10; C=yes: in C and C++)
+	@$(BIN)/python examples/robot/main.py $(if $(filter yes,$(C)),--c) $(SECONDS)
 
 test: $(TOOLS) ## the whole test suite (BUS_NATIVE=no: as without the native core)
 	@$(MAKE) --no-print-directory --jobs 2 $(if $(PYTEST_ARGS)$(filter no,$(BUS_NATIVE)),,native) suite

@@ -1,16 +1,21 @@
-"""Builds the native core. BUS_NATIVE=auto (the default: without it where it can't be built) | yes | no.
+"""Builds the native core, and adds the C client.
+
+BUS_NATIVE=auto (the default: without the core where it can't be built) | yes | no.
 
 A wheel is named for what is in it: without the core `py3-none-any`.
 """
 
 import os
+import shutil
 import sys
 import sysconfig
+from collections.abc import Iterator
 from pathlib import Path
 
 from setuptools import Extension, setup
 from setuptools.command.bdist_wheel import bdist_wheel
 from setuptools.command.build_ext import build_ext
+from setuptools.command.build_py import build_py
 
 HERE = Path(__file__).parent
 CORES = {
@@ -19,6 +24,37 @@ CORES = {
     "bus_bag.core._core": Path("clients", "bus_bag", "core"),
 }
 """The native cores, and where their sources are: all of a folder."""
+C_CLIENT = (
+    *(
+        "c/Makefile",
+        "c/CMakeLists.txt",
+        "c/*.in",
+        "c/*.cmake",
+        "c/include/busd/*.h",
+        "c/src/*.[ch]",
+        "c/examples/*.c",
+    ),
+    *("cpp/include/busd/*.hpp", "bus/shm/[!p]*.h", "bus/base/version.py"),
+)
+"""Files of `clients/` that a program in C or C++ needs. A wheel has them below `bus_c`."""
+
+
+def c_client() -> Iterator[str]:
+    """Paths of these files, relative to `clients/`."""
+    clients = HERE / "clients"
+    for pattern in C_CLIENT:
+        yield from sorted(str(path.relative_to(clients)) for path in clients.glob(pattern))
+
+
+class BuildPy(build_py):
+    """Adds the C client. An editable installation finds it in the tree."""
+
+    def run(self) -> None:
+        super().run()
+        for name in () if self.editable_mode else c_client():
+            target = Path(self.build_lib, "bus_c", name)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(HERE / "clients" / name, target)
 
 
 class BuildExt(build_ext):
@@ -92,6 +128,6 @@ if __name__ == "__main__":
     modules = extensions()
     setup(
         ext_modules=modules,
-        cmdclass={"build_ext": BuildExt, "bdist_wheel": BdistWheel},
+        cmdclass={"build_ext": BuildExt, "build_py": BuildPy, "bdist_wheel": BdistWheel},
         options={"bdist_wheel": {"py_limited_api": "cp311"}} if modules else {},
     )

@@ -47,10 +47,14 @@ class Launch:
 
     async def start(self, name: str, *command: str | Path, stderr: int | None = None) -> None:
         """Start `python <command>`; its stderr goes to the descriptor `stderr`, if given."""
+        await self.start_program(name, sys.executable, *command, stderr=stderr)
+
+    async def start_program(self, name: str, *command: str | Path, stderr: int | None = None) -> None:
+        """The same for a program of any language."""
         # With a new session, Ctrl-C in the terminal only reaches this process, which ends the programs in
         # order.
         process = await asyncio.create_subprocess_exec(
-            sys.executable, *command, stdin=asyncio.subprocess.DEVNULL, stderr=stderr, start_new_session=True
+            *command, stdin=asyncio.subprocess.DEVNULL, stderr=stderr, start_new_session=True
         )
         self._programs[name] = process
         self._watchers.append(asyncio.create_task(self._watch(name, process)))

@@ -1,4 +1,4 @@
-"""A hostile busd for the C client: it answers honestly until everything is declared, then sends nonsense.
+"""A hostile busd for the C client: it answers so many requests, then sends nonsense.
 
 It uses blocking sockets, so it runs in a thread. All choices come from one seed.
 """
@@ -18,13 +18,19 @@ CONTROL, DATA = 1, 2
 SEALS = 1 | 2 | 4 | 16
 TAGS = """
     matched matched matched attached attached ring* ring* unmatched rerouted credit silence dropped
-    incompatible liveliness lost namesake created refused done pong graph type= peers new
+    incompatible liveliness lost namesake created refused done pong type= peers new
+    graph graph* graph* graph* graph*
 """.split()  # noqa: SIM905
 FIELDS = """
     endpoint other publisher subscription source slot process pid request id seq at_ns next_seq
     last_seq clock_ns lost is_over is_tap depth max_message_bytes window_samples window_bytes
     ring_bytes text node policy program dropped lifespan
 """.split()  # noqa: SIM905
+GRAPH_LISTS = [
+    *("nodes", "endpoints", "matches"),
+    *(f"{kind}_{change}" for kind in ("nodes", "endpoints", "matches") for change in ("added", "removed")),
+]
+NODES = [{"id": number, "name": "n", "namespace": "/", "pid": 1} for number in range(2)]
 POLICIES = {"history": "keep_all", "durability": "transient_local", "reliability": "best_effort"}
 RING_HEADER, CAPACITY, INDEX = 640, 4096, 64
 RING_BYTES = RING_HEADER + 8 * INDEX + CAPACITY
@@ -32,12 +38,14 @@ READERS_BYTES = 256 + 64 * 16
 
 
 class HostileBusd:
-    def __init__(self, path: Path, seed: int) -> None:
+    def __init__(self, path: Path, seed: int, *, requests: int) -> None:
+        self._requests = requests
         self._source = random.Random(seed)
         self._listening = socket.socket(socket.AF_UNIX)
         self._listening.bind(str(path))
         self._listening.listen()
         self._memories: list[mmap.mmap] = []
+        self._revision = 1
         self.faults = 0
 
     def close(self) -> None:
@@ -65,7 +73,8 @@ class HostileBusd:
         self._frame(connection, {"m": "hello", "version": 1, "lease_s": 10.0})
         ids: list[int] = []
         buffer = b""
-        while len(ids) < 3:
+        answers = 0
+        while answers < self._requests:
             raw = connection.recv(65536)
             if not raw:
                 raise ConnectionError
@@ -74,11 +83,17 @@ class HostileBusd:
                 kind, body = buffer[4], buffer[8 : 4 + length]
                 buffer = buffer[4 + length :]
                 message = msgspec.msgpack.decode(body) if kind == CONTROL else {}
+                graph = {"m": "graph", "revision": 1, "nodes": NODES, "endpoints": [], "matches": []}
                 if message.get("m") in ("node+", "pub+", "sub+"):
                     ids.append(len(ids) + 1)
                     answer = {"m": "created", "request": message["request"], "id": ids[-1], "depth": 0}
                     limits = {"max_message_bytes": 1 << 20, "window_samples": 100, "window_bytes": 1 << 20}
+                    self._frame(connection, graph | {"request": message["request"]})  # the wrong answer
                     self._frame(connection, answer | limits | {"ring_bytes": 1 << 20})
+                    answers += 1
+                elif message.get("m") == "observe":
+                    self._frame(connection, graph | {"request": message["request"]})
+                    answers += 1
         return ids
 
     def _read_rest(self, connection: socket.socket) -> None:
@@ -127,6 +142,8 @@ class HostileBusd:
         for field in FIELDS:
             if source.random() < 0.8:
                 message[field] = self._value(ids)
+        if tag.startswith("graph"):
+            self._add_graph(message, ids)
         for field in ("endpoint", "publisher", "subscription", "other", "source"):
             message[field] = source.choice([*ids, 7, 8])
         fds = self._descriptors(tag)
@@ -140,6 +157,39 @@ class HostileBusd:
         finally:
             for fd in fds:
                 os.close(fd)
+
+    def _add_graph(self, message: dict[str, Any], ids: list[int]) -> None:
+        source = self._source
+        self._revision += source.choice([1, 1, 1, 0])
+        message["revision"] = self._revision
+        for field in GRAPH_LISTS:
+            if source.random() < 0.6:
+                kind = field.partition("_")[0]
+                items = [self._record(kind, ids) for _ in range(source.randrange(6))]
+                is_removed = field.endswith("removed") and kind != "matches"
+                message[field] = [item.get("id", -1) for item in items] if is_removed else items
+                if source.random() < 0.03:
+                    message[field] = self._value(ids)
+
+    def _record(self, kind: str, ids: list[int]) -> dict[str, Any]:
+        source = self._source
+        number = source.randrange(2, 8)
+        owner = source.randrange(2) if source.random() < 0.99 else number
+        text = source.choice(["/a", "/a/_request", "/a/_reply", "/_request", "", "b" * 300, "c\0d"])
+        types = {"type_name": source.choice(["a/srv/B_Request", "_Request", ""]), "type_hash": text}
+        origin = {"bridge": text, "bus": ""}
+        counters = {"dropped": {text: number}, "age_parts": [number] * source.randrange(4), "samples": -1}
+        record: dict[str, Any] = {
+            "nodes": {"id": number, "name": "n", "namespace": text, "pid": 1, "origin": origin},
+            "endpoints": {"id": number, "node": owner, "topic": text, "gid": bytes(16), **types}
+            | {"qos": {"deadline": source.choice([1.0, -1.0, 1e300, float("nan"), None])}}
+            | {"statistics": source.choice([None, {}, counters])},
+            "matches": {"publisher": number, "subscription": source.randrange(2), "route": text},
+        }[kind]  # fmt: skip
+        record["kind"] = source.choice(["publisher", "publisher", "subscription", "tap", "new"])
+        if source.random() < 0.02:
+            record[source.choice([*record])] = self._value(ids)
+        return record
 
     def _value(self, ids: list[int]) -> Any:
         source = self._source

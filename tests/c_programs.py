@@ -60,10 +60,10 @@ def _build(folder: Path) -> None:
         path.with_suffix(".hpp").write_text(header_of(name, "cpp"))
     made = (f"BUILD={folder}", f"SANITIZE={SANITIZE}", "CFLAGS=-O0 -g -Werror")
     run("make", "-s", "-C", CLIENT, "-j2", *made)
-    for name in ("callbacks", "peer", "repack", "service"):
+    for name in ("callbacks", "graph", "peer", "repack", "service"):
         compile_c(folder, SOURCES / f"{name}.c", folder / name)
     if not why_no_cpp():
-        for name in ("peer", "service"):
+        for name in ("graph", "peer", "service"):
             compile_cpp(folder, SOURCES / f"{name}.cpp", folder / f"{name}_cpp")
 
 

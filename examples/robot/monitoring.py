@@ -1,7 +1,7 @@
 """Monitoring: the rate of each topic, the age of its messages, and losses with nodes and reasons.
 
 On a terminal it shows a table that stays in place, otherwise a line for each topic every second. It also
-publishes the figures as Health.
+publishes the figures as Health. Arguments are names of topics; default: all.
 """
 
 import sys
@@ -57,7 +57,7 @@ async def main() -> None:
     async with bus.Node("monitoring") as node:
         reports = await node.create_publisher(Health, HEALTH_TOPIC, 10)
         await node.create_subscription(Log, "/rosout", bus.qos.rosout_default, remember)
-        meters = [Meter(topic) for topic in TOPICS]
+        meters = [Meter(topic) for topic in TOPICS if topic.name in sys.argv[1:] or not sys.argv[1:]]
         for meter in meters:
             topic = meter.topic
             await node.create_subscription(topic.type, topic.name, topic.qos, meter.count)

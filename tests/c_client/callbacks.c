@@ -1,7 +1,7 @@
 /* The C side of tests/system/test_c_client_callbacks.py: callbacks that destroy, create and close; bad names. One process is both
  * ends. Prints what has happened; the sanitizers report the rest.
  *
- *     callbacks own|wait|calls|node|close|kept|create|names|slots|ping     runs to its end
+ *     callbacks own|wait|calls|node|close|late|kept|create|names|slots|ping     runs to its end
  *     callbacks away                               waits for busd's end; a forked child has the socket, too
  *     callbacks again                              creates a publisher when it is connected again
  */
@@ -284,6 +284,28 @@ static void ping(void)
     printf("enough: %d\n", now_ms() - begin > 200 && now_ms() - begin < 20000);
 }
 
+static void destroy_late(void *user, const busd_event *event)
+{
+    (void)user;
+    if (event->kind != BUSD_DEADLINE_MISSED)
+        return;
+    printf("missed %d by the %s\n", (int)event->count, event->publisher != NULL ? "publisher" : "subscription");
+    busd_node_destroy(node);
+    heard++;
+}
+
+/* The publisher is late first. Its callback destroys the subscription, too, which then must say nothing. */
+static void destroy_late_ones(void)
+{
+    const busd_qos qos = {.depth = 1, .deadline_ns = 20000000};
+    make("/t", &qos, NULL);
+    publish(publisher, "the only one");
+    busd_on_event(bus, destroy_late, NULL);
+    wait_for_callback();
+    for (int i = 0; i < 3; i++)
+        need(busd_wait(bus, 30));
+}
+
 int main(int argc, char **argv)
 {
     const char *story = argc > 1 ? argv[1] : "";
@@ -303,7 +325,9 @@ int main(int argc, char **argv)
         publish(publisher, "close");
         wait_for_callback();
         printf("connected: %d\n", busd_is_connected(bus));
-    } else if (strcmp(story, "kept") == 0)
+    } else if (strcmp(story, "late") == 0)
+        destroy_late_ones();
+    else if (strcmp(story, "kept") == 0)
         keep();
     else if (strcmp(story, "create") == 0)
         create_inside_of_create();

@@ -4,8 +4,8 @@
  *     peer listen TOPIC [option ...]         prints "NUMBER SIZE ROUTE" of each message
  *     peer relay IN OUT [option ...]         publishes on OUT what comes on IN
  *
- * Options: keep_all, best_effort, latched, depth=N, size=N, wait=N, pause_ms=N, hold=N. At its end (SIGTERM) it prints
- * its statistics as JSON.
+ * Options: keep_all, best_effort, latched, best_available, watch (the graph), depth=N, size=N, wait=N, pause_ms=N,
+ * hold=N, deadline_ms=N. At its end (SIGTERM) it prints its statistics as JSON.
  */
 #include <inttypes.h>
 #include <signal.h>
@@ -21,6 +21,7 @@ static volatile sig_atomic_t has_ended;
 static struct options {
     busd_qos qos;
     unsigned long size, wait, pause_ms, hold;
+    int watch;
 } options = {.qos = {.depth = 10}};
 
 static busd_bus *bus;
@@ -60,6 +61,10 @@ static void take_options(char **words)
             options.qos.reliability = BUSD_BEST_EFFORT;
         else if (strcmp(word, "latched") == 0)
             options.qos.durability = BUSD_TRANSIENT_LOCAL;
+        else if (strcmp(word, "best_available") == 0)
+            options.qos.durability = BUSD_BEST_AVAILABLE;
+        else if (strcmp(word, "watch") == 0)
+            options.watch = 1;
         else if (strncmp(word, "depth=", 6) == 0)
             options.qos.depth = (uint32_t)value(word);
         else if (strncmp(word, "size=", 5) == 0)
@@ -68,6 +73,8 @@ static void take_options(char **words)
             options.wait = value(word);
         else if (strncmp(word, "pause_ms=", 9) == 0)
             options.pause_ms = value(word);
+        else if (strncmp(word, "deadline_ms=", 12) == 0)
+            options.qos.deadline_ns = (int64_t)value(word) * 1000000;
         else if (strncmp(word, "hold=", 5) == 0)
             options.hold = value(word);
         else
@@ -78,9 +85,27 @@ static void take_options(char **words)
 static void print_stats(const char *what, const busd_stats *s)
 {
     printf("%s {\"samples\": %" PRIu64 ", \"bytes\": %" PRIu64 ", \"replaced\": %" PRIu64 ", \"expired\": %" PRIu64
-           ", \"lost\": %" PRIu64 ", \"expected\": %" PRIu64 ", \"queued\": %" PRIu64 ", \"matches\": %u, \"by_ring\": %u}\n",
-           what, s->samples, s->bytes, s->replaced, s->expired, s->lost, s->expected, s->queued, s->matches, s->by_ring);
+           ", \"lost\": %" PRIu64 ", \"expected\": %" PRIu64 ", \"queued\": %" PRIu64 ", \"matches\": %u, \"by_ring\": %u, \"missed\": %" PRIu64 "}\n",
+           what, s->samples, s->bytes, s->replaced, s->expired, s->lost, s->expected, s->queued, s->matches, s->by_ring,
+           s->missed_deadlines);
     fflush(stdout);
+}
+
+/* Reads all of it, for the sanitizers. */
+static void read_graph(void *user, const busd_graph *graph)
+{
+    size_t *size = user;
+    for (size_t i = 0; i < graph->topic_count; i++) {
+        const busd_graph_topic *topic = busd_graph_find_topic(graph, graph->topics[i].name);
+        for (size_t n = 0; n < topic->publishers.count; n++)
+            *size += strlen(topic->publishers.items[n]->node->full_name);
+        for (size_t n = 0; n < topic->types.count; n++)
+            *size += strlen(topic->types.items[n]);
+    }
+    for (size_t i = 0; i < graph->service_count; i++)
+        *size += graph->services[i].servers.count;
+    for (size_t i = 0; i < graph->matches.count; i++)
+        *size += strlen(graph->matches.items[i]->route);
 }
 
 /* Waits for what the bus does. -1: the end. */
@@ -211,6 +236,10 @@ int main(int argc, char **argv)
         return give_up("publisher");
     if (in != NULL && busd_subscription_create(node, in, type, &options.qos, callback, NULL, &subscription) < 0)
         return give_up("subscription");
+    static size_t graph_size;
+    busd_watch *watch;
+    if (options.watch && busd_watch_create(bus, read_graph, &graph_size, &watch) < 0)
+        return give_up("watch");
     printf("ready\n");
     fflush(stdout);
     int status = 0;

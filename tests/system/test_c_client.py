@@ -134,6 +134,24 @@ async def test_late_joiners_get_the_history(
     assert listener.numbers == [5, 6, 7, 8, 9]
 
 
+async def test_the_best_available_durability(
+    node: bus.Node, programs: Path, tmp_path: Path, route: str
+) -> None:
+    """A late joiner gets the history of publishers that keep one, and matches the others."""
+    latched = await node.create_publisher(String, "/t", LATCHED)
+    volatile = await node.create_publisher(String, "/t", 5)
+    for number in range(9):
+        latched.publish(text(number))
+        volatile.publish(text(100 + number))
+    async with peer(programs, tmp_path, "listen", "/t", "best_available", "depth=4") as listener:
+        await listener.line("^8 ")
+        await volatile.wait_for_subscriptions()
+        volatile.publish(text(200))
+        await listener.line("^200 ")
+        await listener.finish()
+    assert listener.numbers == [5, 6, 7, 8, 200]
+
+
 async def test_long_messages_both_ways(node: bus.Node, programs: Path, tmp_path: Path, route: str) -> None:
     """Each is longer than the one before, so rings grow."""
     sizes = [10, 5_000, 20_000, 100_000, LONG, 3 * LONG]
@@ -262,6 +280,7 @@ async def test_errors_say_why(node: bus.Node, programs: Path, tmp_path: Path) ->
 
     assert "'/a b'" in await told("listen", "/a b")
     assert "depth" in await told("talk", "/t", "1", "depth=100000000")
+    assert "for subscriptions only" in await told("talk", "/t", "1", "best_available")
 
 
 @pytest.mark.parametrize("settings", ["[limits]\nmessage_bytes = 1_000_000\n"])

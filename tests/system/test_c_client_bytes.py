@@ -12,7 +12,8 @@ import pytest
 
 import bus
 import c_programs
-from bus.types.definitions import names
+from bus.types.classes import service_class
+from bus.types.definitions import find_message, names
 from bus.types.support import find_type
 from bus_cli.interface.c import header_of
 from bus_cli.interface.c_fields import c_name
@@ -130,6 +131,19 @@ def test_random_bytes_do_no_harm(programs: Path) -> None:
     assert len(outcomes) == 20_000
 
 
+def constants_in(name: str, cls: Any, language: str) -> Iterator[str]:
+    """Checks at compile time that constants of a type have the values that its class in Python has."""
+    for constant in find_message(name).constants:
+        value = getattr(cls, constant.name)
+        place = f"{c_name(name)}{'__' if language == 'c' else '::'}{constant.name}"
+        if isinstance(value, str):
+            same = f'sizeof {place} == sizeof "{value}" && !__builtin_strcmp({place}, "{value}")'
+            same = same if language == "c" else f'{place} == "{value}"'
+        else:
+            same = f"{place} == {value[0] if isinstance(value, bytes) else value}"
+        yield f'{"_Static_assert" if language == "c" else "static_assert"}({same}, "{place}");'
+
+
 def program_of(programs: Path, folder: Path, types: list[str], services: list[str], language: str) -> Path:
     """A program that decodes and encodes these types. It has the headers of the services, too."""
     texts, rows = [], []
@@ -138,6 +152,13 @@ def program_of(programs: Path, folder: Path, types: list[str], services: list[st
         texts.append(READ.format(name=c_name(name)))
         rows.append(f"    {{&{c_name(name)}__type, take_{c_name(name)}}},")
     texts += [header_of(name, language) for name in services]
+    classes: dict[str, Any] = {name: class_of(name) for name in types}
+    for name in services:
+        for part in ("Request", "Response"):
+            classes[f"{name}_{part}"] = getattr(service_class(name), part)
+    checks = [check for name, cls in classes.items() for check in constants_in(name, cls, language)]
+    assert len(checks) > (400 if is_nightly() else 20)
+    texts += checks
     source = folder / f"types.{language}"
     source.write_text("\n".join(texts) + MAIN.format(rows="\n".join(rows)))
     options = ("-O0", "-g0", "-Wno-unused-function", "-Wno-unused-variable")

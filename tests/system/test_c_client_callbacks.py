@@ -30,6 +30,7 @@ STORIES = {
         "heard 0 in all",
     ],
     "ping": ["enough: 1", "heard 0 in all"],
+    "late": ["missed 1 by the publisher", "heard 1 in all"],
     "kept": ["kept", "heard 0 in all"],
 }
 

@@ -1,8 +1,11 @@
 """docs/c.md: its steps, and its programs; the C client's conformance; the header for C++."""
 
+import os
 import re
+import runpy
 import shutil
 import signal
+import subprocess
 import sys
 from pathlib import Path
 
@@ -14,6 +17,7 @@ from bus.base.version import RELEASE
 from bus.msg.std_msgs import String
 from bus_cli.doctor.conformance.program import outcome
 from bus_cli.doctor.conformance.stories import STORIES
+from bus_cli.interface.c import client_folder
 from conftest import SOON_S
 from programs import on_one_loop, running_command
 from semantics import KEEP_ALL, node
@@ -23,9 +27,9 @@ pytestmark = pytest.mark.landing
 __all__ = ["node"]
 
 PAGE = (c_programs.ROOT / "docs" / "c.md").read_text()
-C_PROGRAM, C_IMAGE, C_SERVICE = re.findall(r"```c\n(.*?)```", PAGE, re.DOTALL)
-(CMAKE_PROJECT,) = re.findall(r"```cmake\n(.*?)```", PAGE, re.DOTALL)
-CPP_PROGRAM, CPP_SERVICE = re.findall(r"```cpp\n(.*?)```", PAGE, re.DOTALL)
+C_PROGRAM, C_IMAGE, C_SERVICE, C_GRAPH = re.findall(r"```c\n(.*?)```", PAGE, re.DOTALL)
+CMAKE_PROJECT, CMAKE_SUBDIRECTORY = re.findall(r"```cmake\n(.*?)```", PAGE, re.DOTALL)
+CPP_PROGRAM, CPP_SERVICE, CPP_GRAPH = re.findall(r"```cpp\n(.*?)```", PAGE, re.DOTALL)
 
 
 @pytest.fixture(scope="session")
@@ -44,12 +48,23 @@ async def test_it_passes_every_story(programs: Path, monkeypatch: pytest.MonkeyP
 
 @pytest.fixture(scope="session")
 def prefix(programs: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The client, installed as the page says."""
+    """The client of a wheel, installed as the page says."""
+    assert 'make -C "$(bus interface c --path)" install PREFIX=' in PAGE
     assert "make -C clients/c install PREFIX=" in PAGE
     folder = tmp_path_factory.mktemp("installed")
-    made = ("make", "-s", "-C", c_programs.CLIENT, "-j2", f"BUILD={folder / 'build'}", "CFLAGS=-O0")
+    for name in runpy.run_path(str(c_programs.ROOT / "setup.py"))["c_client"]():
+        (folder / "bus_c" / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(c_programs.ROOT / "clients" / name, folder / "bus_c" / name)
+    cache = f"XDG_CACHE_HOME={folder / 'cache'}"
+    made = ("env", cache, "make", "-s", "-C", client_folder("c", folder), "-j2", "CFLAGS=-O0")
     c_programs.run(*made, "library")  # without the prefix
+    relative = subprocess.run(
+        [*made, "PREFIX=busd-c", "install"], capture_output=True, text=True, check=False
+    )
+    wrong = "PREFIX is 'busd-c'; it must be an absolute path, such as $HOME/busd-c\n"
+    assert relative.returncode != 0 and relative.stderr.startswith(wrong)
     c_programs.run(*made, f"PREFIX={folder / 'busd-c'}", "install")
+    assert (folder / "cache/busd" / f"c-{RELEASE}" / "libbusd.a").exists()
     return folder / "busd-c"
 
 
@@ -95,7 +110,7 @@ def test_the_functions_of_the_page_compile(programs: Path, tmp_path: Path) -> No
     source = tmp_path / "image.c"
     headers = ("sensor_msgs/msg/Image", "example_interfaces/srv/AddTwoInts")
     includes = [f'#include "{header}.h"' for header in headers]
-    source.write_text("\n".join([*includes, C_IMAGE, C_SERVICE]))
+    source.write_text("\n".join(["#include <stdio.h>", *includes, C_IMAGE, C_SERVICE, C_GRAPH]))
     c_programs.compile_c(programs, source, tmp_path / "image.o", "-c", "-Wno-unused-function")
 
 
@@ -108,6 +123,7 @@ int main(int argc, char **)
     busd::node node = bus.create_node("adder");
     const auto server = serve(node);
     std::printf("sum %d\\n", int(add(bus, node, 2, 3)));
+    std::printf("answers: %s\\n", publishers_of(bus, "/add/_reply").c_str());
 }
 """
 
@@ -117,7 +133,7 @@ def cpp_page(programs: Path, prefix: Path, tmp_path_factory: pytest.TempPathFact
     """The programs of the page in C++, as one. The page's project for CMake builds it; without cmake, g++."""
     folder = tmp_path_factory.mktemp("cpp")
     assert "int main()" in CPP_PROGRAM
-    text = CPP_PROGRAM.replace("int main()", "int hello()") + CPP_SERVICE + CPP_MAIN
+    text = CPP_PROGRAM.replace("int main()", "int hello()") + CPP_SERVICE + CPP_GRAPH + CPP_MAIN
     (folder / "hello.cpp").write_text(text)
     if shutil.which("cmake") is None:
         includes = (f"-I{prefix / 'include'}", f"-I{programs / 'types'}")
@@ -130,28 +146,56 @@ def cpp_page(programs: Path, prefix: Path, tmp_path_factory: pytest.TempPathFact
     project = project.replace("msg/String)", "msg/String example_interfaces/srv/AddTwoInts)")
     newer = "find_package(busd 99 QUIET)\nif(busd_FOUND)\n  message(FATAL_ERROR 99)\nendif()\n"
     (folder / "CMakeLists.txt").write_text(project + newer)
-    (folder / "bus").write_text(f'#!/bin/sh\nexec {sys.executable} -m bus_cli "$@"\n')
-    (folder / "bus").chmod(0o755)
+    write_bus(folder)
     given = (f"-DCMAKE_PREFIX_PATH={prefix}", f"-DBUSD_BUS={folder}/bus", "-DCMAKE_CXX_FLAGS=-Wall -Werror")
     c_programs.run("cmake", "-S", folder, "-B", folder / "build", *given)
     c_programs.run("cmake", "--build", folder / "build")
     return folder / "build/hello"
 
 
-@pytest.mark.skipif(bool(c_programs.why_no_cpp()), reason=c_programs.why_no_cpp())
-async def test_the_programs_in_cpp(node: bus.Node, cpp_page: Path, tmp_path: Path) -> None:
+def write_bus(folder: Path) -> None:
+    """A program `bus` of this checkout."""
+    (folder / "bus").write_text(f'#!/bin/sh\nexec {sys.executable} -m bus_cli "$@"\n')
+    (folder / "bus").chmod(0o755)
+
+
+async def says_hello(node: bus.Node, program: Path, folder: Path) -> None:
+    """The first program of the page hears a message, and publishes it."""
     subscription = await node.create_subscription(String, "/out", 10)
     publisher = await node.create_publisher(String, "/in", 10)
-    async with running_command(tmp_path, cpp_page) as hello:
+    async with running_command(folder, program) as hello:
         await publisher.wait_for_subscriptions()
         await subscription.wait_for_publishers()
         publisher.publish(String(data="hello from the shell"))
         assert (await subscription.receive())[0].data == "I heard: hello from the shell"
         hello.process.send_signal(signal.SIGINT)
         assert await hello.end() == -signal.SIGINT
+
+
+@pytest.mark.skipif(shutil.which("cmake") is None or bool(c_programs.why_no_cpp()), reason="no cmake or g++")
+async def test_a_project_that_builds_the_client(
+    node: bus.Node, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    project, build = tmp_path / "project", tmp_path / "build"
+    project.mkdir()
+    (project / "hello.cpp").write_text(CPP_PROGRAM)
+    (project / "CMakeLists.txt").write_text(CMAKE_SUBDIRECTORY)
+    write_bus(tmp_path)
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=os.pathsep)
+    strict = "-Wall -Wextra -Werror"
+    c_programs.run(
+        *("cmake", "-S", project, "-B", build, f"-DCMAKE_C_FLAGS={strict}", f"-DCMAKE_CXX_FLAGS={strict}")
+    )
+    c_programs.run("cmake", "--build", build)
+    await says_hello(node, build / "hello", tmp_path)
+
+
+@pytest.mark.skipif(bool(c_programs.why_no_cpp()), reason=c_programs.why_no_cpp())
+async def test_the_programs_in_cpp(node: bus.Node, cpp_page: Path, tmp_path: Path) -> None:
+    await says_hello(node, cpp_page, tmp_path)
     async with running_command(tmp_path, cpp_page, "add") as adder:
         assert await adder.end() == 0
-        assert adder.lines == ["sum 5"]
+        assert adder.lines == ["sum 5", "answers: /adder "]
 
 
 @pytest.mark.skipif(bool(c_programs.why_no_cpp()), reason=c_programs.why_no_cpp())

@@ -5,6 +5,8 @@ from pathlib import Path
 import pytest
 
 import c_programs
+from bus_cli.interface.c import client_folder
+from bus_cli.output import CommandError
 from cli import bus, start
 
 WHEEL = """\
@@ -154,6 +156,24 @@ def test_c_is_a_header() -> None:
     assert lines[-1] == "#endif"
 
 
+def test_c_prints_the_folder_of_the_client(tmp_path: Path) -> None:
+    folder = Path(bus("interface", "c", "--path").out.strip())
+    assert {"Makefile", "include", "src"} <= {path.name for path in folder.iterdir()}
+    headers = Path(bus("interface", "cpp", "--path").out.strip()) / "include" / "busd"
+    assert (headers / "busd.hpp").is_file()
+    (tmp_path / "bus_c" / "c" / "include" / "busd").mkdir(parents=True)
+    assert client_folder("c", tmp_path) == tmp_path / "bus_c" / "c"
+    with pytest.raises(CommandError, match=f"has no client for cpp: {tmp_path}/bus_c is missing"):
+        client_folder("cpp", tmp_path)
+
+
+def test_c_needs_a_type_or_path() -> None:
+    wrong = "name a message or a service, such as std_msgs/msg/String, or use --path\n"
+    assert (bus("interface", "c").err, bus("interface", "cpp").code) == (wrong, 1)
+    both = bus("interface", "c", "--path", "std_msgs/msg/String")
+    assert (both.err, both.code) == ("--path has neither a type nor --output\n", 1)
+
+
 def test_c_writes_a_file(tmp_path: Path) -> None:
     result = bus("interface", "c", "-o", str(tmp_path / "types"), "Spoke")
     path = tmp_path / "types" / "demo" / "msg" / "Spoke.h"
@@ -189,6 +209,13 @@ static constexpr int three[] = {1, 2, 3};
 constexpr busd::span<const int> ints = three;
 static_assert(ints.size() == 3 && ints[2] == 3 && *ints.begin() == 1 && ints.end() - ints.data() == 3);
 static_assert(!std::is_convertible_v<std::vector<int>, busd::span<const double>>);
+static busd::span<int> changeable;
+busd::span<const int> fixed = changeable;
+static_assert(!std::is_convertible_v<busd::span<const int>, busd::span<int>>);
+constexpr busd_endpoint_list endpoints = {nullptr, 0};
+constexpr auto list = busd::span(endpoints);
+static_assert(std::is_same_v<decltype(list), const busd::span<const busd_graph_endpoint *const>>);
+static_assert(!std::is_convertible_v<busd_endpoint_list, busd::span<const double>>);
 int main() { view = again; }
 """
 INCLUDES = [f"-I{c_programs.ROOT / 'clients' / language / 'include'}" for language in ("c", "cpp")]
@@ -213,6 +240,53 @@ def test_odd_defaults_and_reserved_names_compile(package: Path, tmp_path: Path) 
         ("g++", "odd17.cpp", "c++17"),
         ("g++", "odd20.cpp", "c++20"),
     ):
+        options = ("-Wall", "-Wextra", "-Werror", "-fsyntax-only", *INCLUDES)
+        c_programs.run(compiler, f"-std={standard}", *options, tmp_path / name)
+
+
+CONSTANTS = r"""
+bool YES=true
+int8 LEAST_8=-128
+int32 LEAST_32=-2147483648
+uint32 MOST_32=4294967295
+int64 LEAST=-9223372036854775808
+uint64 MOST=18446744073709551615
+float32 TENTH=0.1
+float64 THIRD=-0.3333333333333333
+byte THREE=3
+char LETTER=65
+string TEXT="ä \"x\" ??/"
+"""
+CHECKS = r"""
+EQUAL(YES, true) EQUAL(LEAST_8, -128) EQUAL(LEAST_32, INT32_MIN) EQUAL(MOST_32, UINT32_MAX)
+EQUAL(LEAST, INT64_MIN) EQUAL(MOST, UINT64_MAX) EQUAL(TENTH, 0.1f) EQUAL(THIRD, -0.3333333333333333)
+EQUAL(THREE, 3) EQUAL(LETTER, 65)
+static uint32_t most = NAME(MOST_32);
+"""
+CHECKS_IN_C = r"""
+#define NAME(constant) demo__msg__Constants__##constant
+#define EQUAL(constant, value) _Static_assert(NAME(constant) == (value), #constant);
+"""
+CHECKS_IN_CPP = r"""
+#define NAME(constant) demo::msg::Constants::constant
+#define EQUAL(constant, value) static_assert(NAME(constant) == (value), #constant);
+EQUAL(TEXT, std::string_view("\303\244 \"x\" \?\?/"))
+static_assert(std::is_same_v<decltype(NAME(LEAST_8)), const int8_t>);
+static_assert(std::is_same_v<decltype(NAME(TENTH)), const float>);
+"""
+
+
+@pytest.mark.skipif(bool(c_programs.why_not() or c_programs.why_no_cpp()), reason="no gcc or g++")
+def test_constants_have_their_values_in_c_and_cpp(package: Path, tmp_path: Path) -> None:
+    (package / "msg/Constants.msg").write_text(CONSTANTS)
+    text = bus("interface", "c", "demo/msg/Constants").out
+    assert r'#define demo__msg__Constants__TEXT "\303\244 \042x\042 \077\077/"' in text
+    assert "#define demo__msg__Wheel__LEFT 1\n" in bus("interface", "c", "demo/msg/Wheel").out
+    main = "int main(void) { return (int)most; }\n"
+    (tmp_path / "constants.c").write_text(text + CHECKS_IN_C + CHECKS + main)
+    text = bus("interface", "cpp", "demo/msg/Constants").out
+    (tmp_path / "constants.cpp").write_text(text + CHECKS_IN_CPP + CHECKS + main)
+    for compiler, name, standard in (("gcc", "constants.c", "c11"), ("g++", "constants.cpp", "c++17")):
         options = ("-Wall", "-Wextra", "-Werror", "-fsyntax-only", *INCLUDES)
         c_programs.run(compiler, f"-std={standard}", *options, tmp_path / name)
 

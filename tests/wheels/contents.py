@@ -15,7 +15,10 @@ _CORES = 3
 _NEWEST_GLIBC = 28  # minor number: of the systems with Python 3.11, those of the last years have it
 _SOURCES = (".c", ".h")
 _IN_C = ("c/", "cpp/")
-"""Clients in other languages: they are built from the tree, and are no part of a package of Python."""
+"""Clients in other languages: a wheel has them in a folder of their own."""
+_C_FOLDER = "bus_c"
+_FOR_C = re.compile(r"bus/shm/(?!p)\w+\.h|bus/base/version\.py")
+"""Files of the library that they need."""
 _FROM_BUILD = re.compile(r"PKG-INFO|setup\.cfg|busd\.egg-info/.*")
 _PATH = re.compile(rb"(?<![\w.])/(?!dev/|proc/)\w{2,}(?:/[\w.+-]{2,})+")
 _LINK = re.compile(r"\[[^\]\n]+\]\((?!https?:|#)[^)]*\)")
@@ -31,15 +34,19 @@ def check_sdist(sdist: Path, files: set[str]) -> None:
 
 
 def check_wheel(wheel: Path, tree: Path, *, with_core: bool) -> None:
-    """It has all of the packages but C, says whether it needs this platform, and knows no folder of ours."""
+    """It has all of the packages but their C, and the client for C; it says whether it needs this platform,
+    and knows no folder of ours."""
     info = "-".join(wheel.name.split("-")[:2]) + ".dist-info/"
     with ZipFile(wheel) as archive:
         files = {name: archive.read(name) for name in archive.namelist() if not name.endswith("/")}
     there = {name for name in files if not name.startswith(info)}
     cores = {name for name in there if _CORE.fullmatch(name)}
     wanted = {f"busd/{name}" for name in files_of(tree / "busd")}
-    wanted |= {name for name in files_of(tree / "clients") if not name.startswith(_IN_C)}
-    _compare(wheel.name, {name for name in wanted if not name.endswith(_SOURCES)}, there - cores)
+    clients = files_of(tree / "clients")
+    wanted |= {name for name in clients if not name.startswith(_IN_C)}
+    wanted = {name for name in wanted if not name.endswith(_SOURCES)}
+    wanted |= {f"{_C_FOLDER}/{name}" for name in clients if name.startswith(_IN_C) or _FOR_C.fullmatch(name)}
+    _compare(wheel.name, wanted, there - cores)
     if len(cores) != _CORES * with_core:
         raise Wrong(f"{wheel.name} has {len(cores)} native cores, wanted: {_CORES * with_core}")
     _check_tags(wheel, message_from_bytes(files[f"{info}WHEEL"]).get_all("Tag", []), with_core=with_core)

@@ -88,6 +88,9 @@ def try_wheel(wheel: Path, python: Python, folder: Path, *, with_core: bool) -> 
     for program in ("bus", "busd"):
         if (said := environment.run(program, "--version")) != f"{program} {version}\n":
             raise Wrong(f"{program} --version says {said!r}")
+    client = Path(environment.run("bus", "interface", "c", "--path").strip())
+    if not (client / "Makefile").is_file():
+        raise Wrong(f"the client for C in {client} has no Makefile")
     said = environment.run("python", "-c", "from bus import shm; print(shm.why_not())")
     if (said == "\n") != with_core:
         raise Wrong(f"shared memory, {with_core = }: {said!r}")

@@ -1,4 +1,4 @@
-"""Fields of messages in C and C++: how each is declared, set to its default, encoded and decoded.
+"""Fields of messages in C and C++: how each is declared, set to its default, encoded and decoded; constants.
 
 The two languages differ in the types of texts, bytes, lists and structs (`C`, `CPP`). All the rest is the
 same text.
@@ -16,6 +16,7 @@ __all__ = [
     "Language",
     "UnsupportedType",
     "c_name",
+    "constant",
     "form",
     "initial",
     "member",
@@ -107,6 +108,25 @@ def initial(place: str, form: Form, default: Any) -> str:
         return form.init.format(x=place, i="i")
     value = _value(default)
     return f"{place} = busd_text_of({value});" if isinstance(default, str) else f"{place} = {value};"
+
+
+def constant(owner: str, name: str, kind: str, value: Any, language: Language) -> str:
+    """The definition of a constant of the type `owner`: in C a macro, in C++ a member of the struct."""
+    if isinstance(value, bytes):  # of the type byte
+        value = value[0]
+    text = _value(value)
+    if kind == "float32":
+        text = f"(float){text}"
+    elif isinstance(value, int) and 2**31 <= value < 2**32:
+        text += "u"
+    if language is C:
+        is_one_word = text.isalnum() or isinstance(value, str)
+        return f"#define {c_name(owner)}__{name} {text if is_one_word else f'({text})'}"
+    if isinstance(value, str):
+        declared = language.text
+    else:
+        declared = _FLOATS.get(kind) or _INTEGERS.get(kind, ({"byte": "uint8_t"}.get(kind, kind), ""))[0]
+    return f"static constexpr {declared} {name} = {text};"
 
 
 def _value(default: Any) -> str:

@@ -5,7 +5,7 @@ in C++ `busd/types.hpp` of `clients/cpp`. Encoded messages are the same as the l
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 from bus_cli.interface.c_fields import (
     CPP,
@@ -14,14 +14,17 @@ from bus_cli.interface.c_fields import (
     Language,
     UnsupportedType,
     c_name,
+    constant,
     form,
     initial,
     member,
 )
 
-__all__ = ["LANGUAGES", "Described", "header", "service_header"]
+__all__ = ["LANGUAGES", "Constants", "Described", "header", "service_header"]
 
 LANGUAGES = {language.name: language for language in (C, CPP)}
+Constants: TypeAlias = Mapping[str, Sequence[tuple[str, str, Any]]]
+"""Constants of types: name, type and value of each."""
 _LINE_BYTES = 20
 
 
@@ -33,9 +36,11 @@ class Described(NamedTuple):
     schema: bytes
 
 
-def header(description: Mapping[str, Any], described: Described, language: Language) -> str:
+def header(
+    description: Mapping[str, Any], described: Described, constants: Constants, language: Language
+) -> str:
     """The text of the header of a type, with all types that it needs. Raises UnsupportedType."""
-    lines = _structs(description, language)
+    lines = _structs(description, constants, language)
     lines += [*_schema(described), f"static const busd_type {c_name(described.name)}__type ="]
     lines += [f"    {_type(described)};", "", *_macros("MESSAGE", described.name, language), ""]
     return _guarded(described.name, lines, language)
@@ -45,10 +50,11 @@ def service_header(
     name: str,
     bodies: Sequence[Mapping[str, Any]],
     envelopes: tuple[Described, Described],
+    constants: Constants,
     language: Language,
 ) -> str:
     """The same of a service. `bodies`: descriptions of the request and of the response."""
-    lines = [line for body in bodies for line in _structs(body, language)]
+    lines = [line for body in bodies for line in _structs(body, constants, language)]
     for envelope in envelopes:
         lines += _schema(envelope)
     if language is CPP:
@@ -93,12 +99,12 @@ def _guarded(name: str, lines: Sequence[str], language: Language) -> str:
     )
 
 
-def _structs(description: Mapping[str, Any], language: Language) -> list[str]:
+def _structs(description: Mapping[str, Any], constants: Constants, language: Language) -> list[str]:
     types = description["types"]
     return [
         line
         for name in _in_order(types, description["root"])
-        for line in (*_struct(name, types[name], language), "")
+        for line in (*_struct(name, types[name], constants.get(name, ()), language), "")
     ]
 
 
@@ -123,7 +129,12 @@ def _parts(kind: FieldType) -> Iterator[str]:
                 yield from _parts(part)
 
 
-def _struct(name: str, description: Mapping[str, Any], language: Language) -> Iterator[str]:
+def _struct(
+    name: str,
+    description: Mapping[str, Any],
+    constants: Sequence[tuple[str, str, Any]],
+    language: Language,
+) -> Iterator[str]:
     struct, fields = c_name(name), description["fields"]
     if not description.get("array"):
         raise UnsupportedType(f"{name} is a map, and not an array of its fields; it has no form in C")
@@ -131,13 +142,15 @@ def _struct(name: str, description: Mapping[str, Any], language: Language) -> It
     yield f"#ifndef BUSD_TYPE_{struct}"
     yield f"#define BUSD_TYPE_{struct}"
     members = [f"    {language.declaration(how, field, default)}" for field, how, default in forms]
+    values = [constant(name, *one, language) for one in constants]
     if language is C:
+        yield from values
         yield f"typedef struct {struct} {{"
         yield from members or ["    unsigned char has_no_fields;"]
         yield f"}} {struct};"
         yield f"BUSD_LIST({struct}__list, {struct});"
     else:
-        yield from _in_namespace(name, members)
+        yield from _in_namespace(name, [*(f"    {value}" for value in values), *members])
     zero = "memset(m, 0, sizeof *m);" if language is C else "*m = {};"
     yield f"static inline void {struct}__init({struct} *m)"
     yield "{"

@@ -22,9 +22,9 @@ def add_arguments(parser: ArgumentParser) -> None:
     )
 
 
-def add_type(parser: ArgumentParser, text: str) -> None:
+def add_type(parser: ArgumentParser, text: str, *, is_optional: bool = False) -> None:
     """Add the argument that names a definition."""
-    completed_by(parser.add_argument("type", help=text), _types)
+    completed_by(parser.add_argument("type", nargs="?" if is_optional else None, help=text), _types)
 
 
 def main(args: Namespace) -> int:

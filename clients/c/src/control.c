@@ -179,6 +179,9 @@ static int take_liveliness_lost(struct message *m)
     return 0;
 }
 
+static int take_graph(struct message *m) { return graph_take(m->bus, m->body); }
+static int take_graph_changed(struct message *m) { return graph_change(m->bus, m->body); }
+
 static int take_namesake(struct message *m)
 {
     int n;
@@ -212,6 +215,8 @@ static const struct handler {
     {"liveliness", NULL, "subscription", 0, take_liveliness},
     {"lost", "publisher", NULL, 0, take_liveliness_lost},
     {"namesake", NULL, NULL, 0, take_namesake},
+    {"graph", NULL, NULL, 0, take_graph},
+    {"graph*", NULL, NULL, 0, take_graph_changed},
 };
 
 static void find_endpoint(struct message *m, const struct handler *handler)

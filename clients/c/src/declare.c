@@ -41,18 +41,19 @@ static int wait_for(busd_bus *bus, const struct waiting *waiting)
     return waiting->answer;
 }
 
-/* Waits for the answer to `request`. 0, or -errno with the reason in `error`. */
-int await(busd_bus *bus, uint64_t request)
+/* Waits for the answer to `waiting->request`. 0, or -errno with the reason in `error`. */
+int await(busd_bus *bus, struct waiting *waiting)
 {
-    struct waiting waiting = {bus->waiting, request, 1};
-    bus->waiting = &waiting;
-    const int status = wait_for(bus, &waiting);
-    bus->waiting = waiting.outer;
+    waiting->outer = bus->waiting;
+    waiting->answer = 1;
+    bus->waiting = waiting;
+    const int status = wait_for(bus, waiting);
+    bus->waiting = waiting->outer;
     return status;
 }
 
 /* The call that waits for the answer to this request; NULL: none does. */
-static struct waiting *waiting_for(const busd_bus *bus, uint64_t request)
+struct waiting *waiting_for(const busd_bus *bus, uint64_t request)
 {
     struct waiting *waiting = bus->waiting;
     while (waiting != NULL && waiting->request != request)
@@ -207,7 +208,8 @@ int declare_endpoint(struct endpoint *end)
         known += source_position(source) != 0;
     declare_type(end);
     const bool has_ring = p != NULL && p->fd >= 0;
-    control_begin(&out, p != NULL ? "pub+" : "sub+", p != NULL ? 8 + has_ring : 7 + (known != 0));
+    const bool takes_history = s != NULL && end->qos.durability == BUSD_BEST_AVAILABLE; /* beside the durability volatile */
+    control_begin(&out, p != NULL ? "pub+" : "sub+", p != NULL ? 8 + has_ring : 7 + (known != 0) + takes_history);
     end->request = ++bus->requests;
     end->state = ASKED;
     field_number(&out, "request", end->request);
@@ -225,6 +227,8 @@ int declare_endpoint(struct endpoint *end)
     } else if (known != 0) {
         field_last_seqs(&out, s, known);
     }
+    if (takes_history)
+        field_bool(&out, "takes_history", true);
     const int status = control_send(bus, &out, p != NULL ? &p->fd : NULL, has_ring);
     if (status < 0)
         end->state = UNDECLARED;
@@ -253,7 +257,7 @@ int declare_all(busd_bus *bus)
     for (busd_node *node = bus->nodes; node != NULL && status == 0; node = node->next)
         if (node->state == UNDECLARED && !node->is_closed)
             status = declare_node(node);
-    return status;
+    return status == 0 && bus->watches != NULL ? graph_ask(bus) : status;
 }
 
 /* Takes Created, Done or Refused. */
@@ -265,6 +269,10 @@ void answer_take(busd_bus *bus, busd_in body, bool is_created)
     struct waiting *waiting = waiting_for(bus, request);
     if (waiting != NULL)
         waiting->answer = answer;
+    if (is_refused && request == bus->graph_request && request != 0) {
+        graph_refused(bus, waiting == NULL);
+        return;
+    }
     for (busd_node *node = bus->nodes; node != NULL; node = node->next) {
         if (node->state != ASKED || node->request != request)
             continue;
@@ -305,7 +313,7 @@ int busd_node_create(busd_bus *bus, const char *name, const char *ns, busd_node 
         end = &(*end)->next;
     *end = node;
     int status = node->name == NULL || node->ns == NULL ? fail(bus, ENOMEM, "no memory") : declare_node(node);
-    status = status == 0 ? await(bus, node->request) : status;
+    status = status == 0 ? await(bus, &(struct waiting){.request = node->request}) : status;
     if (status == 0) {
         *place = node;
         return 0;
@@ -370,15 +378,18 @@ void busd_node_destroy(busd_node *node)
 
 /* Fills the members of a new endpoint. 0 or -ENOMEM. */
 static int endpoint_begin(struct endpoint *end, busd_node *node, const char *topic, const busd_type *type,
-                          const busd_qos *qos)
+                          const busd_qos *qos, bool is_publisher)
 {
     static const busd_qos usual = {.depth = 10};
-    *end = (struct endpoint){.node = node, .topic = topic_name(node, topic), .type = *type, .qos = qos == NULL ? usual : *qos};
+    *end = (struct endpoint){.node = node, .topic = topic_name(node, topic), .type = *type, .qos = qos == NULL ? usual : *qos,
+                             .is_publisher = is_publisher};
     end->is_lossless = end->qos.history == BUSD_KEEP_ALL && end->qos.reliability == BUSD_RELIABLE;
     if (end->qos.history == BUSD_KEEP_ALL)
         end->qos.depth = sizes_max(end->qos.depth, 1);
     if (!is_utf8(topic))
         return fail(node->bus, EINVAL, "the name of a topic is not UTF-8");
+    if (is_publisher && end->qos.durability == BUSD_BEST_AVAILABLE)
+        return fail(node->bus, EINVAL, "%s: the durability best available is for subscriptions only", topic);
     if (getrandom(end->gid, sizeof end->gid, 0) != sizeof end->gid)
         return fail(node->bus, EIO, "no random numbers");
     return end->topic == NULL ? fail(node->bus, ENOMEM, "no memory") : 0;
@@ -390,7 +401,7 @@ static int endpoint_declare_first(struct endpoint *end)
     busd_bus *bus = end->node->bus;
     int status = end->node->state == DECLARED && busd_is_connected(bus) ? declare_endpoint(end)
                                                                        : fail(bus, ENOTCONN, "busd is away");
-    status = status == 0 ? await(bus, end->request) : status;
+    status = status == 0 ? await(bus, &(struct waiting){.request = end->request}) : status;
     if (status < 0) {
         end->is_closed = true;
         sweep_unless_in_turn(bus);
@@ -405,8 +416,7 @@ int busd_publisher_create(busd_node *node, const char *topic, const busd_type *t
     busd_publisher *p = calloc(1, sizeof *p);
     if (p == NULL)
         return fail(bus, ENOMEM, "no memory");
-    int status = endpoint_begin(&p->end, node, topic, type, qos);
-    p->end.is_publisher = true;
+    int status = endpoint_begin(&p->end, node, topic, type, qos, true);
     p->fd = -1;
     if (status == 0 && !room_begin(p))
         status = fail(bus, ENOMEM, "no memory for a ring");
@@ -429,11 +439,12 @@ int busd_subscription_create(busd_node *node, const char *topic, const busd_type
     busd_subscription *s = calloc(1, sizeof *s);
     if (s == NULL)
         return fail(bus, ENOMEM, "no memory");
-    int status = endpoint_begin(&s->end, node, topic, type, qos);
+    int status = endpoint_begin(&s->end, node, topic, type, qos, false);
     s->callback = callback;
     s->user = user;
     s->depth = s->end.qos.history == BUSD_KEEP_ALL ? 0 : s->end.qos.depth;
     s->last = &s->first;
+    bus->has_deadlines |= s->end.qos.deadline_ns > 0;
     if (status < 0) {
         subscription_free(s);
         return status;

@@ -32,6 +32,12 @@ void field_number(busd_out *out, const char *key, uint64_t number)
     busd_put_uint(out, number);
 }
 
+void field_bool(busd_out *out, const char *key, bool value)
+{
+    busd_put_text(out, key, strlen(key));
+    busd_put_bool(out, value);
+}
+
 void field_text(busd_out *out, const char *key, const char *text)
 {
     busd_put_text(out, key, strlen(key));

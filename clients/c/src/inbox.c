@@ -120,6 +120,8 @@ int inbox_run(busd_subscription *sub, const unsigned char *body, size_t size, un
             source->last_seq = seq;
         sub->received++;
         inbox_add(sub, sample);
+        if (sub->end.qos.deadline_ns > 0)
+            deadline_note(&sub->end, now_ns());
     }
     if (!sub->end.is_dirty)
         report_due(&sub->end);

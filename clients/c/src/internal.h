@@ -13,6 +13,10 @@
  *     inbox.c          its samples by socket, acknowledgements
  *     services.c       servers and clients of services
  *     reports.c        counters for busd
+ *     deadlines.c      missed deadlines
+ *     graph.c          questions for the graph, and watches
+ *     graph_mirror.c   a mirror of the graph
+ *     graph_view.c     a snapshot of the mirror for the program
  *     segment.c        memory and doorbells
  *     headroom.c       how much memory may be used
  *     names.c          topics, and the path of the socket
@@ -128,7 +132,9 @@ enum declared { UNDECLARED, ASKED, DECLARED, REFUSED };
 struct waiting {
     struct waiting *outer;
     uint64_t request;
-    int answer; /* 0 or -errno, the text in `error`; 1: none yet */
+    int answer;              /* 0 or -errno, the text in `error`; 1: none yet */
+    bool wants_graph;
+    const busd_graph *graph; /* the answer, then */
 };
 
 struct busd_node {
@@ -151,6 +157,8 @@ struct endpoint {
     enum declared state;
     bool is_publisher, is_lossless, is_dirty, is_closed;
     uint64_t window_samples, window_bytes;
+    int64_t last_ns; /* with a deadline: of the last message, or the last missed deadline; 0: none yet */
+    uint64_t missed; /* deadlines */
     uint64_t round; /* of the last report, see reports.c */
 };
 
@@ -198,6 +206,7 @@ struct source {
     uint64_t last_seq;             /* received */
     uint64_t taken_seq, acked_seq; /* by socket */
     uint64_t unacked_bytes;
+    uint64_t noted;                /* in its rings, see deadlines.c */
     uint64_t history_end;          /* samples before this are history, which the depth leaves alone */
     bool is_by_ring, is_lossless, is_stale, is_gone;
     /* by ring, while it has a seat */
@@ -269,9 +278,43 @@ struct busd_client {
     uint64_t numbers;
 };
 
+/* --- the graph */
+
+/* Before a node, an endpoint or a match, which never change. The mirror and snapshots use the same ones. */
+struct record {
+    struct record *next;
+    struct record *owner; /* of an endpoint: its node */
+    uint64_t key[3];      /* id; of a match: both ids and the route */
+    size_t users, bytes;
+};
+
+/* Records by key, as lists in `room` buckets. */
+struct records {
+    struct record **buckets;
+    size_t room, count;
+};
+
+enum records_kind { NODES, PUBLISHERS, SUBSCRIPTIONS, TAPS, MATCHES, RECORDS };
+
+struct mirror {
+    struct records of[RECORDS];
+    uint64_t revision;
+    int64_t busd_pid;
+    size_t bytes;
+};
+
+struct busd_watch {
+    busd_watch *next;
+    busd_bus *bus;
+    busd_graph_changed *changed;
+    void *user;
+    uint64_t seen; /* the change that it has got */
+    bool is_closed;
+};
+
 /* --- the connection */
 
-enum timer { PING, REPORT, RETRY, STALE, SWEEP, ACK, FLUSH, HELLO, TIMERS };
+enum timer { PING, REPORT, RETRY, STALE, SWEEP, ACK, FLUSH, HELLO, GRAPH, DEADLINE, TIMERS };
 
 struct busd_bus {
     pid_t pid;
@@ -305,6 +348,14 @@ struct busd_bus {
     busd_publisher *publishers;
     busd_subscription *subscriptions;
     struct service *services;
+    bool has_deadlines;      /* of subscriptions */
+    /* graph.c */
+    struct mirror mirror;
+    bool mirrors;            /* the mirror has begun */
+    uint64_t graph_request;  /* the question for it; 0: none is on its way */
+    uint64_t graph_changes;
+    int64_t graph_rest_ns;   /* until then, watches get no other graph */
+    busd_watch *watches;
     int64_t memory_until_ns;
     uint64_t memory_left;   /* until then, segments may take this without a check */
     void (*event)(void *user, const busd_event *event);
@@ -331,6 +382,7 @@ void ping_due(busd_bus *bus);
 /* frames.c */
 void control_begin(busd_out *out, const char *tag, unsigned fields);
 void field_number(busd_out *out, const char *key, uint64_t number);
+void field_bool(busd_out *out, const char *key, bool value);
 void field_text(busd_out *out, const char *key, const char *text);
 void field_bytes(busd_out *out, const char *key, const void *bytes, size_t size);
 int control_send(busd_bus *bus, busd_out *out, const int *fds, unsigned fd_count);
@@ -350,7 +402,8 @@ int declare_node(busd_node *node);
 int declare_endpoint(struct endpoint *end);
 int declare_all(busd_bus *bus);
 void answer_take(busd_bus *bus, busd_in body, bool is_created);
-int await(busd_bus *bus, uint64_t request);
+int await(busd_bus *bus, struct waiting *waiting);
+struct waiting *waiting_for(const busd_bus *bus, uint64_t request);
 void endpoint_free(struct endpoint *end);
 void endpoint_gone(struct endpoint *end);
 
@@ -441,6 +494,29 @@ void services_close(busd_node *node);
 void services_matched(busd_publisher *publisher, bool has_come);
 void services_lost(busd_bus *bus);
 void service_free(struct service *service);
+
+/* deadlines.c */
+void deadline_note(struct endpoint *end, int64_t at_ns);
+void deadlines_look(busd_bus *bus);
+void deadlines_check(busd_bus *bus, int64_t now);
+
+/* graph.c */
+int graph_ask(busd_bus *bus);
+int graph_take(busd_bus *bus, busd_in body);
+int graph_change(busd_bus *bus, busd_in body);
+void graph_refused(busd_bus *bus, bool is_told);
+void graph_notify(busd_bus *bus, int64_t now);
+void graph_lost(busd_bus *bus);
+
+/* graph_mirror.c */
+int mirror_begin(busd_bus *bus, struct mirror *mirror, busd_in body);
+int mirror_change(busd_bus *bus, struct mirror *mirror, busd_in body);
+void mirror_free(struct mirror *mirror);
+struct record *record_of(const void *item);
+void record_drop(struct record *record);
+
+/* graph_view.c */
+const busd_graph *graph_view(const struct mirror *mirror);
 
 /* reports.c */
 void report_due(struct endpoint *end);

@@ -42,6 +42,8 @@ int busd_publish_loan(busd_publisher *p, size_t size)
     p->samples++;
     p->bytes += size;
     stream_published(p);
+    if (p->end.qos.deadline_ns > 0)
+        deadline_note(&p->end, (int64_t)p->stamp_ns);
     if (!p->end.is_dirty)
         report_due(&p->end);
     if (p->end.qos.liveliness == BUSD_MANUAL_BY_TOPIC && p->end.qos.lease_ns != 0)
@@ -100,7 +102,7 @@ int busd_publisher_assert_liveliness(busd_publisher *p)
 
 void busd_publisher_stats(const busd_publisher *p, busd_stats *stats)
 {
-    *stats = (busd_stats){.samples = p->samples, .bytes = p->bytes, .replaced = p->replaced};
+    *stats = (busd_stats){.samples = p->samples, .bytes = p->bytes, .replaced = p->replaced, .missed_deadlines = p->end.missed};
     if (p->is_streaming)
         stats->queued = p->ring.latest - p->sent_seq;
     if (p->end.qos.history == BUSD_KEEP_LAST && stats->queued > p->end.qos.depth) { /* stream.c passes over them */

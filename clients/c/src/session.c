@@ -45,7 +45,7 @@ void tell(busd_bus *bus, busd_event_kind kind, const struct endpoint *end, const
     va_start(arguments, form);
     vsnprintf(text, sizeof text, form, arguments);
     va_end(arguments);
-    busd_event event = {.kind = kind, .text = text};
+    busd_event event = {.kind = kind, .text = text, .count = kind == BUSD_DEADLINE_MISSED ? end->missed : 0};
     if (end != NULL && end->is_publisher)
         event.publisher = (busd_publisher *)(uintptr_t)end;
     else if (end != NULL)
@@ -158,6 +158,7 @@ static void do_flush(busd_bus *bus, int64_t now)
 static void (*const due[TIMERS])(busd_bus *bus, int64_t now) = {
     [PING] = do_ping,   [REPORT] = do_report, [RETRY] = do_retry, [STALE] = do_stale,
     [SWEEP] = do_sweep, [ACK] = do_ack,       [FLUSH] = do_flush, [HELLO] = do_hello,
+    [GRAPH] = graph_notify, [DEADLINE] = deadlines_check,
 };
 
 static void take_timers(busd_bus *bus)
@@ -274,6 +275,7 @@ void lost(busd_bus *bus, const char *reason)
         s->received = s->repeated = 0;
     }
     services_lost(bus);
+    graph_lost(bus);
     char text[sizeof bus->error];
     memcpy(text, bus->error, sizeof text);
     tell(bus, BUSD_DISCONNECTED, NULL, "connection lost: %s", text);
@@ -418,7 +420,7 @@ static bool deliver(busd_bus *bus)
     return has_more;
 }
 
-/* Frees services, endpoints and nodes that callbacks have closed. */
+/* Frees services, endpoints, nodes and watches that callbacks have closed. */
 static void sweep_closed(busd_bus *bus)
 {
     for (struct service **at = &bus->services, *service; (service = *at) != NULL;) {
@@ -455,6 +457,14 @@ static void sweep_closed(busd_bus *bus)
         free(node->ns);
         free(node);
     }
+    for (busd_watch **at = &bus->watches, *watch; (watch = *at) != NULL;) {
+        if (!watch->is_closed) {
+            at = &watch->next;
+            continue;
+        }
+        *at = watch->next;
+        free(watch);
+    }
 }
 
 void sweep_unless_in_turn(busd_bus *bus)
@@ -468,6 +478,7 @@ static int take_turn(busd_bus *bus, const struct epoll_event *events, int count)
     bus->turns++;
     if (bus->header != NULL)
         bell_disarm(&bus->header->arrival);
+    deadlines_look(bus);
     bool has_more = deliver(bus); /* first, because the doorbell is the usual reason to wake up */
     for (int i = 0; i < count; i++) {
         switch (events[i].data.u32) {
@@ -480,6 +491,7 @@ static int take_turn(busd_bus *bus, const struct epoll_event *events, int count)
                 has_more = true;
         }
     }
+    deadlines_look(bus);
     has_more |= deliver(bus);
     bus->turns--;
     sweep_unless_in_turn(bus);
@@ -512,6 +524,7 @@ int busd_wait(busd_bus *bus, int timeout_ms)
         return status;
     if (bus->header != NULL)
         bell_arm(&bus->header->arrival, 0);
+    deadlines_look(bus); /* messages that have come without a turn, while a call waited for busd */
     const int count = epoll_wait(bus->epoll, events, 4, has_news(bus) ? 0 : timeout_ms);
     if (count < 0 && errno != EINTR)
         return fail(bus, errno, "epoll_wait: %s", strerror(errno));
@@ -556,6 +569,9 @@ void busd_close(busd_bus *bus)
         p->end.is_closed = true;
     for (busd_subscription *s = bus->subscriptions; s != NULL; s = s->next)
         s->end.is_closed = true;
+    for (busd_watch *watch = bus->watches; watch != NULL; watch = watch->next)
+        watch->is_closed = true;
+    graph_lost(bus);
     if (bus->sock >= 0)
         close(bus->sock);
     bus->sock = -1;

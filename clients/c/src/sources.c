@@ -195,7 +195,7 @@ static uint64_t random_number(void)
 /* How much history the subscription gets of a publisher with these QoS. */
 static uint64_t history_of(const busd_subscription *sub, busd_in qos)
 {
-    if (sub->end.qos.durability != BUSD_TRANSIENT_LOCAL || !busd_find_is(qos, "durability", "transient_local"))
+    if (sub->end.qos.durability == BUSD_VOLATILE || !busd_find_is(qos, "durability", "transient_local"))
         return 0;
     const uint64_t offered = busd_find_is(qos, "history", "keep_all") ? RING_FOR_EVER : busd_find_number(qos, "depth", 10);
     return sub->depth != 0 ? sizes_min(offered, sub->depth) : offered;
@@ -237,6 +237,7 @@ static const char *attach(busd_subscription *sub, struct source *source, busd_in
     if (sub->end.is_lossless)
         source->doorbell = fcntl(fds[1], F_DUPFD_CLOEXEC, 0);
     source->is_by_ring = true;
+    source->noted = feed->ring.next - 1;
     return NULL;
 }
 
@@ -249,7 +250,7 @@ static void by_socket(busd_subscription *sub, struct source *source, busd_in bod
         drain(sub, source);
         source_leave(sub, source);
     }
-    const bool has_history = sub->end.qos.durability == BUSD_TRANSIENT_LOCAL && busd_find_is(qos, "durability", "transient_local");
+    const bool has_history = sub->end.qos.durability != BUSD_VOLATILE && busd_find_is(qos, "durability", "transient_local");
     const bool comes_again = has_history || (source->is_lossless && sub->end.node->bus->is_new_busd);
     if (is_new || comes_again || next_seq <= source->last_seq + 1)
         return;

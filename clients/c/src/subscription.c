@@ -181,7 +181,8 @@ bool subscription_deliver(busd_subscription *sub, int most)
 
 void busd_subscription_stats(const busd_subscription *sub, busd_stats *stats)
 {
-    *stats = (busd_stats){.samples = sub->samples, .bytes = sub->bytes, .queued = sub->queued};
+    *stats = (busd_stats){
+        .samples = sub->samples, .bytes = sub->bytes, .queued = sub->queued, .missed_deadlines = sub->end.missed};
     uint64_t passed = sub->passed, by_busd = 0;
     for (int i = 0; i < REASONS; i++) {
         uint64_t *count = i == REPLACED ? &stats->replaced : i == EXPIRED ? &stats->expired : &stats->lost;

@@ -28,7 +28,10 @@ def tree(tmp_path: Path) -> Path:
         "busd/run.py",
         "clients/bus/py.typed",
         "clients/bus/shm/py_module.c",
+        "clients/bus/shm/py.h",
         "clients/bus/shm/ring.h",
+        "clients/c/src/session.c",
+        "clients/cpp/include/busd/busd.hpp",
     ):
         (tree / name).parent.mkdir(parents=True, exist_ok=True)
         (tree / name).touch()
@@ -43,6 +46,9 @@ def make(tmp_path: Path) -> Make:
         files = {
             "busd/run.py": "",
             "bus/py.typed": "",
+            "bus_c/bus/shm/ring.h": "",
+            "bus_c/c/src/session.c": "",
+            "bus_c/cpp/include/busd/busd.hpp": "",
             f"{INFO}/METADATA": f"Name: busd\n\n{page}\n",
             f"{INFO}/WHEEL": f"Wheel-Version: 1.0\nTag: {said or tag}\n",
             f"{INFO}/licenses/LICENSE": "",
@@ -68,7 +74,10 @@ def test_wheels_that_are_right(tree: Path, make: Make) -> None:
     [
         (PURE, {"bus/shm/ring.h": ""}, {}, "has what it should not: bus/shm/ring.h"),
         (PURE, {"bus/left_over.py": ""}, {}, "has what it should not: bus/left_over.py"),
+        (PURE, {"bus_c/bus/shm/py.h": ""}, {}, "has what it should not: bus_c/bus/shm/py.h"),
         (PURE, {}, {"without": "bus/py.typed"}, "lacks bus/py.typed"),
+        (PURE, {}, {"without": "bus_c/bus/shm/ring.h"}, "lacks bus_c/bus/shm/ring.h"),
+        (PURE, {}, {"without": "bus_c/c/src/session.c"}, "lacks bus_c/c/src/session.c"),
         (PURE, {}, {"without": f"{INFO}/licenses/LICENSE"}, "has no licence"),
         (PURE, {CORE: ""}, {}, "has 1 native cores, wanted: 0"),
         (NATIVE, {}, {}, "says cp311-abi3-manylinux_2_28_x86_64, wanted: py3-none-any"),

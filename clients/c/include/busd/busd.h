@@ -33,7 +33,7 @@ typedef struct busd_type {
 
 enum { BUSD_KEEP_LAST, BUSD_KEEP_ALL };
 enum { BUSD_RELIABLE, BUSD_BEST_EFFORT };
-enum { BUSD_VOLATILE, BUSD_TRANSIENT_LOCAL };
+enum { BUSD_VOLATILE, BUSD_TRANSIENT_LOCAL, BUSD_BEST_AVAILABLE };
 enum { BUSD_AUTOMATIC, BUSD_MANUAL_BY_TOPIC };
 
 /* Durations in nanoseconds; 0 is infinite. All zero except depth 10 is the default profile. */
@@ -90,6 +90,7 @@ typedef enum busd_event_kind {
     BUSD_LIVELINESS_CHANGED, /* of a publisher */
     BUSD_LIVELINESS_LOST,    /* to the publisher itself */
     BUSD_NAMESAKE,           /* another node has the name of a node of ours */
+    BUSD_DEADLINE_MISSED,    /* no message was published, or arrived, within the deadline */
 } busd_event_kind;
 
 typedef struct busd_event {
@@ -97,6 +98,7 @@ typedef struct busd_event {
     const char *text;                /* a sentence for the log */
     busd_publisher *publisher;       /* the endpoint of ours, if the event is about one; else NULL */
     busd_subscription *subscription;
+    uint64_t count;                  /* BUSD_DEADLINE_MISSED: of the endpoint until now; else 0 */
 } busd_event;
 
 /* `callback` gets every later event, inside of calls of the library. */
@@ -225,10 +227,126 @@ typedef struct busd_stats {
     uint64_t expected;       /* samples for this subscription since its matches began */
     uint64_t queued;         /* that wait */
     uint32_t matches, by_ring;
+    uint64_t missed_deadlines;
 } busd_stats;
 
 void busd_publisher_stats(const busd_publisher *publisher, busd_stats *stats);
 void busd_subscription_stats(const busd_subscription *subscription, busd_stats *stats);
+
+/* --- the graph: nodes and endpoints of all programs, as far as busd's rules of access show them to this user */
+
+typedef struct busd_graph_node {
+    uint64_t id;             /* busd's number of it */
+    const char *name, *ns;
+    const char *full_name;
+    int64_t pid;
+    const char *bridge;      /* of a node that a bridge mirrors: the kind of the bridge, as "zenoh"; else NULL */
+    const char *bus;         /* and the bus that the bridge took it from */
+} busd_graph_node;
+
+typedef struct busd_graph_drop {
+    const char *reason;
+    uint64_t count;
+} busd_graph_drop;
+
+/* Counters of an endpoint, as its process has reported them last. docs/protocol.md: "Records inside a graph". */
+typedef struct busd_graph_statistics {
+    uint64_t samples, bytes;      /* published; or taken */
+    uint64_t queued, expected;    /* of a subscription, as the rest */
+    uint64_t dropped;             /* the sum of the drops */
+    const busd_graph_drop *drops; /* by reason */
+    size_t drop_count;
+    int64_t at_ns;                /* of samples and bytes, CLOCK_MONOTONIC; 0: not reported */
+    uint64_t age_count, age_sum_ns, age_max_ns, most_missed;
+    const uint64_t *age_parts;    /* the histogram of the ages */
+    size_t age_part_count;
+} busd_graph_statistics;
+
+typedef struct busd_graph_endpoint {
+    uint64_t id;
+    const busd_graph_node *node;
+    const char *topic, *type_name, *type_hash;
+    unsigned char gid[16];
+    busd_qos qos;
+    const busd_graph_statistics *statistics; /* only if busd_graph_get() has asked for them; else NULL */
+} busd_graph_endpoint;
+
+typedef struct busd_graph_match {
+    uint64_t publisher, subscription; /* their ids */
+    const char *route;                /* "shm", "socket", or "bridge": the subscription is on another bus */
+} busd_graph_match;
+
+typedef struct busd_node_list {
+    const busd_graph_node *const *items;
+    size_t count;
+} busd_node_list;
+
+typedef struct busd_endpoint_list {
+    const busd_graph_endpoint *const *items;
+    size_t count;
+} busd_endpoint_list;
+
+typedef struct busd_match_list {
+    const busd_graph_match *const *items;
+    size_t count;
+} busd_match_list;
+
+typedef struct busd_name_list {
+    const char *const *items;
+    size_t count;
+} busd_name_list;
+
+typedef struct busd_graph_topic {
+    const char *name;
+    busd_name_list types; /* more than one is a conflict */
+    busd_endpoint_list publishers, subscriptions;
+} busd_graph_topic;
+
+typedef struct busd_graph_service {
+    const char *name;
+    busd_name_list types;
+    busd_endpoint_list servers; /* their subscriptions to requests */
+    busd_endpoint_list clients; /* their publishers of requests */
+} busd_graph_service;
+
+/* A snapshot, which never changes. All lists are sorted: nodes by full name, endpoints by topic, topics and services by
+ * name. Topics include those of services. */
+typedef struct busd_graph {
+    uint64_t revision; /* grows with every change */
+    int64_t busd_pid;
+    busd_node_list nodes;
+    busd_endpoint_list publishers, subscriptions;
+    busd_endpoint_list taps; /* subscriptions of bridges for other buses; no other list has them */
+    busd_match_list matches;
+    const busd_graph_topic *topics;
+    size_t topic_count;
+    const busd_graph_service *services;
+    size_t service_count;
+} busd_graph;
+
+/* Asks busd for the graph, and waits for it. `with_statistics` 1: with the counters of endpoints. Errors: -ENOTCONN,
+ * -ETIMEDOUT, -ENOMEM. Free it with busd_graph_free(). A graph may outlive the connection. */
+int busd_graph_get(busd_bus *bus, int with_statistics, const busd_graph **graph);
+
+/* NULL if no endpoint has that topic or service. */
+const busd_graph_topic *busd_graph_find_topic(const busd_graph *graph, const char *name);
+const busd_graph_service *busd_graph_find_service(const busd_graph *graph, const char *name);
+
+/* Keeps the graph of a callback after it. Free it, too. */
+const busd_graph *busd_graph_keep(const busd_graph *graph);
+void busd_graph_free(const busd_graph *graph);
+
+typedef struct busd_watch busd_watch;
+
+/* Gets a graph, which is valid until the callback returns. */
+typedef void busd_graph_changed(void *user, const busd_graph *graph);
+
+/* Calls `changed` with the graph now, and again after changes, inside of busd_dispatch() and busd_wait(). Changes in
+ * quick succession come as one. It continues after a restart of busd. busd sends changes only while there is a watch.
+ * Errors as busd_graph_get(). */
+int busd_watch_create(busd_bus *bus, busd_graph_changed *changed, void *user, busd_watch **watch);
+
+void busd_watch_destroy(busd_watch *watch);
 
 #pragma GCC visibility pop
 

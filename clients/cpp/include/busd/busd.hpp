@@ -2,7 +2,7 @@
 //
 // `bus interface cpp PKG/msg/Type` writes the headers of messages and services.
 //
-// Objects are moved and not copied. A connection must outlive its nodes, and a node its endpoints. Errors are exceptions
+// Objects are moved and not copied. A connection must outlive its nodes and watches, and a node its endpoints. Errors are exceptions
 // of type busd::error. One thread at a time uses a connection and everything made with it.
 #ifndef BUSD_BUSD_HPP
 #define BUSD_BUSD_HPP
@@ -37,6 +37,7 @@ class qos {
     qos &keep_all() { return set(value_.history, std::uint8_t(BUSD_KEEP_ALL)); }
     qos &best_effort() { return set(value_.reliability, std::uint8_t(BUSD_BEST_EFFORT)); }
     qos &transient_local() { return set(value_.durability, std::uint8_t(BUSD_TRANSIENT_LOCAL)); }
+    qos &best_available() { return set(value_.durability, std::uint8_t(BUSD_BEST_AVAILABLE)); } // of a subscription
     qos &manual_by_topic() { return set(value_.liveliness, std::uint8_t(BUSD_MANUAL_BY_TOPIC)); }
     qos &lifespan_ns(std::int64_t ns) { return set(value_.lifespan_ns, ns); }
     qos &deadline_ns(std::int64_t ns) { return set(value_.deadline_ns, ns); }
@@ -60,6 +61,8 @@ struct closer {
     void operator()(busd_subscription *subscription) const { busd_subscription_destroy(subscription); }
     void operator()(busd_server *server) const { busd_server_destroy(server); }
     void operator()(busd_client *client) const { busd_client_destroy(client); }
+    void operator()(busd_watch *watch) const { busd_watch_destroy(watch); }
+    void operator()(const busd_graph *graph) const { busd_graph_free(graph); }
 };
 template <class T> using owned = std::unique_ptr<T, closer>;
 
@@ -388,6 +391,61 @@ template <class S> class server {
     std::shared_ptr<state> state_; // stays in place when the server moves
 };
 
+// --- the graph
+
+// A snapshot of all nodes and endpoints; see busd.h for the parts. Copies share it. Pointers and views into it are valid as
+// long as a copy exists, also after the connection.
+class graph {
+  public:
+    explicit graph(const busd_graph *owned) : graph_(owned, detail::closer()) {}
+
+    span<const busd_graph_node *const> nodes() const { return graph_->nodes; }
+    span<const busd_graph_endpoint *const> publishers() const { return graph_->publishers; }
+    span<const busd_graph_endpoint *const> subscriptions() const { return graph_->subscriptions; }
+    span<const busd_graph_endpoint *const> taps() const { return graph_->taps; }
+    span<const busd_graph_match *const> matches() const { return graph_->matches; }
+    span<const busd_graph_topic> topics() const { return {graph_->topics, graph_->topic_count}; }
+    span<const busd_graph_service> services() const { return {graph_->services, graph_->service_count}; }
+
+    // nullptr if no endpoint has that topic or service.
+    const busd_graph_topic *topic(const std::string &name) const { return busd_graph_find_topic(get(), name.c_str()); }
+    const busd_graph_service *service(const std::string &name) const
+    {
+        return busd_graph_find_service(get(), name.c_str());
+    }
+    const busd_graph *get() const { return graph_.get(); }
+
+  private:
+    std::shared_ptr<const busd_graph> graph_;
+};
+
+// Calls back with the graph now and after changes, inside of bus::wait() and bus::dispatch(), as long as it exists. The
+// callback may destroy it. An exception that leaves the callback ends the program.
+class watch {
+  public:
+    using callback = std::function<void(const graph &)>;
+
+    watch(busd_bus *bus, callback call) : state_(std::make_shared<state>(std::move(call)))
+    {
+        busd_watch *handle = nullptr;
+        detail::check(bus, busd_watch_create(bus, &watch::on_change, state_.get(), &handle));
+        handle_.reset(handle);
+    }
+
+  private:
+    struct state : std::enable_shared_from_this<state> {
+        explicit state(callback call) : call(std::move(call)) {}
+        callback call;
+    };
+    static void on_change(void *user, const busd_graph *raw) noexcept
+    {
+        const auto self = static_cast<state *>(user)->shared_from_this(); // the callback may destroy the watch
+        self->call(graph(busd_graph_keep(raw)));
+    }
+    std::shared_ptr<state> state_; // stays in place when the watch moves
+    detail::owned<busd_watch> handle_;
+};
+
 // --- nodes and the connection
 
 class node {
@@ -436,6 +494,14 @@ class bus {
         detail::check(handle, status);
     }
     node create_node(const std::string &name, const std::string &ns = "/") { return node(handle_.get(), name, ns); }
+    // The graph now, with the counters of endpoints if asked. Waits for busd.
+    busd::graph graph(bool with_statistics = false)
+    {
+        const busd_graph *found = nullptr;
+        detail::check(handle_.get(), busd_graph_get(handle_.get(), with_statistics, &found));
+        return busd::graph(found);
+    }
+    [[nodiscard]] watch watch_graph(watch::callback call) { return watch(handle_.get(), std::move(call)); }
     int fd() const { return busd_fd(handle_.get()); }
     bool dispatch() { return detail::check(handle_.get(), busd_dispatch(handle_.get())) > 0; }
     bool wait(int timeout_ms = -1) { return detail::check(handle_.get(), busd_wait(handle_.get(), timeout_ms)) > 0; }

@@ -16,6 +16,17 @@
 
 namespace busd {
 
+namespace detail {
+template <class T, class = void> struct is_list : std::false_type {};
+template <class T>
+struct is_list<T, std::void_t<decltype(std::declval<const T &>().items), decltype(std::declval<const T &>().count)>>
+    : std::true_type {};
+template <class T, class = void> struct has_data : std::false_type {};
+template <class T> struct has_data<T, std::void_t<decltype(std::declval<const T &>().data())>> : std::true_type {};
+// A list of C, and not a span.
+template <class T> constexpr bool is_c_list = is_list<T>::value && !has_data<T>::value;
+} // namespace detail
+
 // A view of items side by side: std::span for C++17. It converts from vectors, arrays and std::span, and to std::span.
 template <class T> struct span {
     T *items = nullptr;
@@ -29,6 +40,12 @@ template <class T> struct span {
     constexpr span(const From &from) : items(from.data()), count(from.size())
     {
     }
+    // From a list of C.
+    template <class List, class Item = std::remove_pointer_t<decltype(std::declval<const List &>().items)>,
+              std::enable_if_t<detail::is_c_list<List> && std::is_convertible_v<Item (*)[], T (*)[]>, int> = 0>
+    constexpr span(const List &list) : items(list.items), count(list.count)
+    {
+    }
 
     constexpr T *data() const { return items; }
     constexpr std::size_t size() const { return count; }
@@ -37,6 +54,9 @@ template <class T> struct span {
     constexpr T *end() const { return items + count; }
     constexpr T &operator[](std::size_t i) const { return items[i]; }
 };
+
+template <class List, std::enable_if_t<detail::is_c_list<List>, int> = 0>
+span(const List &) -> span<std::remove_pointer_t<decltype(std::declval<const List &>().items)>>;
 
 } // namespace busd
 
