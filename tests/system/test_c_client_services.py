@@ -139,6 +139,29 @@ async def test_a_killed_server_in_c_fails_the_calls(
             await call
 
 
+async def test_a_client_in_c_asks_again_about_a_call(
+    daemon: Daemon, node: bus.Node, service: Path, tmp_path: Path, route: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A bridge may lose the question, or the answer that the server does not know the call."""
+    held: asyncio.Queue[bus.RequestId] = asyncio.Queue()
+    server = await node.create_service(AddTwoInts, "/add", on_request=lambda _, one: held.put_nowait(one))
+    async with running_command(tmp_path, service, "call", "/add", "1") as client:
+        await held.get()
+        server._at_work.clear()  # as if the answer had been sent, and lost
+        deny, denials = server._deny, list[bus.RequestId]()
+
+        def lose(one: bus.RequestId) -> None:
+            denials.append(one)
+            if len(denials) == 3:
+                deny(one)
+
+        monkeypatch.setattr(server, "_deny", lose)
+        daemon.kill()
+        daemon.restart()
+        await client.line("^answer -32: the request or the answer was lost")
+        assert await client.end() == 0
+
+
 async def test_calls_survive_a_kill_of_busd(
     daemon: Daemon, node: bus.Node, programs: Path, tmp_path: Path, route: str
 ) -> None:

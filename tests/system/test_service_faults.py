@@ -391,10 +391,34 @@ class TestLostWithBusd:
         daemon.restart()
         await until(lambda: len(held) == 2)
         await client.wait_for_service()
-        await until(lambda: not any(one.is_doubtful for one in client._calls.values()))
+        await until(lambda: all(one.looks for one in client._calls.values()))  # it has asked
         for at, one in enumerate(held):
             service.respond(one, AddTwoInts.Response(sum=at))
         assert ((await call).sum, (await second).sum) == (0, 1)
+
+    async def test_a_denial_that_a_bridge_loses(
+        self, ends: Any, daemon: Daemon, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """The client asks again, after longer and longer pauses."""
+        monkeypatch.setattr(client_module, "_LOOK_S", 0.01)
+        service, client, held = ends
+        call = asyncio.ensure_future(client.call(asked(1)))
+        await until(lambda: held)
+        service._at_work.clear()  # as if the answer had been sent, and lost
+        deny, denials = service._deny, list[bus.RequestId]()
+
+        def lose(one: bus.RequestId) -> None:
+            denials.append(one)
+            if len(denials) == 3:
+                deny(one)
+
+        monkeypatch.setattr(service, "_deny", lose)
+        daemon.kill()
+        daemon.restart()
+        with pytest.raises(bus.ServiceUnavailable, match="busd has ended meanwhile, and the request or"):
+            async with asyncio.timeout(SOON_S):
+                await call
+        assert denials == 3 * held
 
     async def test_a_server_that_leaves_after_a_call_from_the_time_without_busd(
         self, ends: Any, daemon: Daemon
@@ -405,7 +429,7 @@ class TestLostWithBusd:
         call = asyncio.ensure_future(client.call(asked(1)))
         daemon.restart()
         await until(lambda: held)
-        await until(lambda: not any(one.is_doubtful for one in client._calls.values()))
+        await until(lambda: all(one.looks for one in client._calls.values()))  # it has asked
         await service.close()
         with pytest.raises(bus.ServiceUnavailable, match="it has left before it answered"):
             async with asyncio.timeout(SOON_S):

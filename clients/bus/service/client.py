@@ -36,7 +36,10 @@ MAX_PENDING: Final = 1000
 _GRACE_S: Final = 0.5
 
 _LOOK_S: Final = 1.0
-"""Interval of checks of doubtful calls while no server comes."""
+"""Interval of checks of doubtful calls."""
+
+_MOST_LOOKS: Final = 16
+"""The longest interval between two questions about one call, in checks."""
 
 
 class ServiceClientStatistics(msgspec.Struct, frozen=True):
@@ -71,7 +74,7 @@ class CallLost(ServiceUnavailable):
 class _Call:
     """A pending call: its servers, and the function for its answer."""
 
-    __slots__ = ("asked", "deliver", "is_doubtful", "is_lost")
+    __slots__ = ("asked", "deliver", "is_doubtful", "is_lost", "looks", "looks_left")
 
     def __init__(self, asked: frozenset[bytes], deliver: Callable[[int, Any], object]) -> None:
         self.asked = asked
@@ -79,6 +82,13 @@ class _Call:
         self.is_lost = False
         self.is_doubtful = False
         """busd has ended since, or was away: the client must ask the server whether it knows the call."""
+        self.looks = self.looks_left = 0
+        """The number of checks between the last question and the next one: all of them, and those left."""
+
+    def doubt(self) -> None:
+        """The client must ask about it soon."""
+        self.is_doubtful = True
+        self.looks = self.looks_left = 0
 
 
 class ServiceClient(ServiceBase):
@@ -259,11 +269,11 @@ class ServiceClient(ServiceBase):
         gone = before - self._servers
         if not self._requests_core.id:  # busd is away, and the servers may still exist
             for call in tuple(self._calls.values()):
-                call.is_doubtful = True
+                call.doubt()
             self._doubt()
             return
         if self._doubts is not None:
-            self._ask()
+            self._ask(is_new=change.current_count_change > 0)
         if not gone:
             return
         for call in tuple(self._calls.values()):
@@ -297,23 +307,28 @@ class ServiceClient(ServiceBase):
             self._back_ns = self._back_ns or now_ns
             if now_ns - self._back_ns >= RETURN_S * 1e9:
                 self._give_up_absent()
-            self._ask()
+            self._ask(is_new=False)
         if any(call.is_doubtful for call in tuple(self._calls.values())):
             self._doubts = self._loop.call_later(_LOOK_S, self._check_doubts)
 
-    def _ask(self) -> None:
-        """Ask the returned server about the state of doubtful calls.
+    def _ask(self, *, is_new: bool) -> None:
+        """Ask the returned server about the state of doubtful calls; `is_new`: it has come just now.
 
-        Its answer comes after its earlier answers. With several servers, one server's state says nothing
-        about the others.
+        Its answer comes after its earlier answers. A server that still works on a call does not answer, and
+        a bridge may lose the question or the answer while it connects: so the client asks again, after one
+        look, two, four and so on. With several servers, one server's state says nothing about the others.
         """
         if len(self._servers) != 1:
             return
         for number, call in tuple(self._calls.items()):
-            if call.is_doubtful and call.asked <= self._servers:
-                question = self._support.encode_question(self._gid, number)
-                call.is_doubtful = not self._requests.publish_encoded(question)
-                call.asked = self._servers  # a call from the time without busd was for unknown servers
+            if not call.is_doubtful or not call.asked <= self._servers:
+                continue
+            call.looks_left -= 1
+            if call.looks_left > 0 and not is_new:
+                continue
+            if self._requests.publish_encoded(self._support.encode_question(self._gid, number)):
+                call.looks = call.looks_left = min(2 * call.looks or 1, _MOST_LOOKS)
+            call.asked = self._servers  # a call from the time without busd was for unknown servers
 
     def _give_up_absent(self) -> None:
         """Fail calls whose server is not back by now."""

@@ -314,7 +314,7 @@ struct busd_watch {
 
 /* --- the connection */
 
-enum timer { PING, REPORT, RETRY, STALE, SWEEP, ACK, FLUSH, HELLO, GRAPH, DEADLINE, TIMERS };
+enum timer { PING, REPORT, RETRY, STALE, SWEEP, ACK, FLUSH, HELLO, GRAPH, DEADLINE, QUESTIONS, TIMERS };
 
 struct busd_bus {
     pid_t pid;
@@ -329,7 +329,7 @@ struct busd_bus {
     bool is_blocked; /* the socket takes no more at the moment */
     int turns;       /* inside of calls that may call back */
     int waits;       /* inside of busd_publisher_wait(), which uses the publisher after the turn */
-    int64_t lease_ns, at[TIMERS], timer_at, retry_ns;
+    int64_t lease_ns, at[TIMERS], timer_at, retry_ns, question_ns;
     unsigned char *in;
     size_t in_begin, in_end, in_room;
     struct batch batches[MOST_BATCHES];
@@ -493,6 +493,7 @@ void publisher_free(busd_publisher *publisher);
 void services_close(busd_node *node);
 void services_matched(busd_publisher *publisher, bool has_come);
 void services_lost(busd_bus *bus);
+void services_ask(busd_bus *bus, int64_t now);
 void service_free(struct service *service);
 
 /* deadlines.c */

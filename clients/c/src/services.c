@@ -2,7 +2,8 @@
  *
  * A call at its client is pending until its answer, or until no server is left. At its server it is open until the
  * reply. A client that has lost its connection asks the server about each pending call; a server that does not know
- * the call says so, and the call has failed.
+ * the call says so, and the call has failed. A bridge can lose the question, so the client asks again after 1, 2, 4 and so
+ * on up to 16 seconds.
  */
 #include <stdio.h>
 #include <stdlib.h>
@@ -10,6 +11,7 @@
 #include "internal.h"
 
 #define HEAD_ROOM 64u /* of an envelope, without its texts and body */
+#define MOST_PAUSE_NS (16 * SECOND_NS) /* between two questions */
 
 static const unsigned char nil = 0xc0;
 
@@ -300,6 +302,7 @@ int busd_client_call(busd_client *client, const void *body, size_t size, busd_an
         return fail(client->service.node->bus, ENOMEM, "no memory");
     call->answer = callback;
     call->user = user;
+    call->is_unsure = !client->service.node->bus->is_open;
     const int status = envelope_publish(client->service.publisher, &id, NULL, body, size);
     if (status < 0)
         call_end(&client->service, call);
@@ -316,6 +319,23 @@ void busd_client_destroy(busd_client *client)
         service_destroy(&client->service);
 }
 
+/* Asks the servers about the calls that may be lost. */
+static void ask(busd_bus *bus)
+{
+    bool is_unsure = false;
+    for (struct service *service = bus->services; service != NULL; service = service->next) {
+        if (!service->is_client || service->is_closed || busd_publisher_matches(service->publisher) == 0)
+            continue;
+        for (struct call *call = service->calls; call != NULL; call = call->next) {
+            if (call->is_unsure)
+                envelope_publish(service->publisher, &call->id, NULL, &nil, 1);
+            is_unsure |= call->is_unsure;
+        }
+    }
+    if (is_unsure)
+        set_timer(bus, QUESTIONS, now_ns() + bus->question_ns);
+}
+
 /* A publisher's matches have changed: if it is of a client, its pending calls may have lost their server, or their
  * server may have lost them. */
 void services_matched(busd_publisher *publisher, bool has_come)
@@ -329,11 +349,17 @@ void services_matched(busd_publisher *publisher, bool has_come)
         end_calls(service, -EPIPE, "no server is left");
         return;
     }
-    for (struct call *call = service->calls; call != NULL && has_come; call = call->next) {
-        if (call->is_unsure)
-            envelope_publish(publisher, &call->id, NULL, &nil, 1);
-        call->is_unsure = false;
+    if (has_come) {
+        publisher->end.node->bus->question_ns = SECOND_NS;
+        ask(publisher->end.node->bus);
     }
+}
+
+void services_ask(busd_bus *bus, int64_t now)
+{
+    (void)now;
+    bus->question_ns = (int64_t)sizes_min(2 * (uint64_t)bus->question_ns, MOST_PAUSE_NS);
+    ask(bus);
 }
 
 /* The connection is lost: requests and answers may be lost, too. */

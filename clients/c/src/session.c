@@ -158,7 +158,7 @@ static void do_flush(busd_bus *bus, int64_t now)
 static void (*const due[TIMERS])(busd_bus *bus, int64_t now) = {
     [PING] = do_ping,   [REPORT] = do_report, [RETRY] = do_retry, [STALE] = do_stale,
     [SWEEP] = do_sweep, [ACK] = do_ack,       [FLUSH] = do_flush, [HELLO] = do_hello,
-    [GRAPH] = graph_notify, [DEADLINE] = deadlines_check,
+    [GRAPH] = graph_notify, [DEADLINE] = deadlines_check, [QUESTIONS] = services_ask,
 };
 
 static void take_timers(busd_bus *bus)
