@@ -409,7 +409,7 @@ class TestLostWithBusd:
 
         def lose(one: bus.RequestId) -> None:
             denials.append(one)
-            if len(denials) == 3:
+            if len(denials) >= 3:
                 deny(one)
 
         monkeypatch.setattr(service, "_deny", lose)
@@ -418,7 +418,7 @@ class TestLostWithBusd:
         with pytest.raises(bus.ServiceUnavailable, match="busd has ended meanwhile, and the request or"):
             async with asyncio.timeout(SOON_S):
                 await call
-        assert denials == 3 * held
+        assert denials[:3] == 3 * held
 
     async def test_a_server_that_leaves_after_a_call_from_the_time_without_busd(
         self, ends: Any, daemon: Daemon
