@@ -27,7 +27,7 @@ def load_setup() -> dict[str, Any]:
     root = ModuleType("setuptools")
     root.Extension, root.setup = SimpleNamespace, None  # type: ignore[attr-defined]
     stubs = {"setuptools": root, "setuptools.command": ModuleType("setuptools.command")}
-    for name in ("bdist_wheel", "build_ext"):
+    for name in ("bdist_wheel", "build_ext", "build_py"):
         module = stubs[f"setuptools.command.{name}"] = ModuleType(name)
         setattr(module, name, object)
     with patch.dict(sys.modules, stubs):
