@@ -101,19 +101,16 @@ class TestGoals:
             assert (ours.sent, ours.accepted, ours.ended, ours.active) == (1, 1, 1, 0)
 
     async def test_several_goals_side_by_side(self, node: bus.Node, other: bus.Node) -> None:
+        """Their feedback has room in the queues of 100 messages: of more, a busy machine would drop some."""
         async with serving(node, other, count) as (_, client), ActionClient(other, Count, "count") as second:
             await second.wait_for_server()
             goals = await asyncio.gather(
-                *(
-                    one.send_goal(Count.Goal(target=target))
-                    for target in range(20)
-                    for one in (client, second)
-                )
+                *(one.send_goal(Count.Goal(target=target)) for target in range(8) for one in (client, second))
             )
             results = await asyncio.gather(*(goal.result() for goal in goals))
-            assert [one.reached for one in results] == [target for target in range(20) for _ in range(2)]
+            assert [one.reached for one in results] == [target for target in range(8) for _ in range(2)]
             for goal in goals[-2:]:
-                assert [one.current async for one in goal] == list(range(19))
+                assert [one.current async for one in goal] == list(range(7))
 
     async def test_a_coroutine_in_place_of_a_generator(self, node: bus.Node, other: bus.Node) -> None:
         async def execute(goal: ServerGoal) -> Any:
