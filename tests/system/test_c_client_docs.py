@@ -2,7 +2,6 @@
 
 import os
 import re
-import runpy
 import shutil
 import signal
 import subprocess
@@ -21,6 +20,7 @@ from bus_cli.interface.c import client_folder
 from conftest import SOON_S
 from programs import on_one_loop, running_command
 from semantics import KEEP_ALL, node
+from setup_functions import load_setup
 
 pytestmark = pytest.mark.landing
 
@@ -52,7 +52,7 @@ def prefix(programs: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert 'make -C "$(bus interface c --path)" install PREFIX=' in PAGE
     assert "make -C clients/c install PREFIX=" in PAGE
     folder = tmp_path_factory.mktemp("installed")
-    for name in runpy.run_path(str(c_programs.ROOT / "setup.py"))["c_client"]():
+    for name in load_setup()["c_client"]():
         (folder / "bus_c" / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(c_programs.ROOT / "clients" / name, folder / "bus_c" / name)
     cache = f"XDG_CACHE_HOME={folder / 'cache'}"

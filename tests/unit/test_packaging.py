@@ -1,37 +1,22 @@
 """The metadata of busd's packages: the version, the licence, the page on an index."""
 
 import re
-import runpy
 import subprocess
 import sys
 import sysconfig
 import tomllib
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
-from typing import Any
-from unittest.mock import patch
 
 import pytest
 
 import bus
 from bus.base.version import RELEASE
 from bus.wire.layout import PROTOCOL_VERSION
+from setup_functions import load_setup
 from wheels.contents import check_sdist
 from wheels.sources import copy_tree, tracked, why_not_tracked
 
 ROOT = Path(__file__).parents[2]
-
-
-def load_setup() -> dict[str, Any]:
-    """The functions of setup.py, without setuptools, which would replace distutils in this process."""
-    root = ModuleType("setuptools")
-    root.Extension, root.setup = SimpleNamespace, None  # type: ignore[attr-defined]
-    stubs = {"setuptools": root, "setuptools.command": ModuleType("setuptools.command")}
-    for name in ("bdist_wheel", "build_ext", "build_py"):
-        module = stubs[f"setuptools.command.{name}"] = ModuleType(name)
-        setattr(module, name, object)
-    with patch.dict(sys.modules, stubs):
-        return runpy.run_path(str(ROOT / "setup.py"), run_name="setup")
 
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
