@@ -12,6 +12,7 @@ from bridging import KEPT, LATCHED, LOSSLESS, Made, received, world
 from bus.link.link import Link
 from bus.msg.std_msgs import Int32, String
 from bus.names import service_of_topic
+from bus.service import client as client_module
 from bus.srv.example_interfaces import AddTwoInts
 from bus.wire.messages import Observe
 from bus_bridge.core.rules import TopicRule
@@ -104,6 +105,27 @@ async def test_a_late_joiner_gets_what_each_publisher_keeps(world: Made) -> None
             listener = await right.node(f"listener{number}")
             subscription = await listener.create_subscription(String, "map", KEPT)
             assert sorted(await received(subscription, 2)) == ["one", "other"]
+
+
+async def test_a_call_whose_answer_the_bridge_loses_ends(
+    world: Made, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(client_module, "_LOOK_S", 0.01)
+    held: list[bus.RequestId] = []
+    async with world() as made:
+        left, right, *_ = await made.pair()
+        node, caller = await left.node("server"), await right.node("caller")
+        server = await node.create_service(AddTwoInts, "add", on_request=lambda _, one: held.append(one))
+        client = await caller.create_client(AddTwoInts, "add")
+        await client.wait_for_service()
+        call = asyncio.ensure_future(client.call(AddTwoInts.Request()))
+        await until(lambda: held)
+        await until(
+            lambda: client._calls[held[0].number].looks > 1
+        )  # it has asked in vain: the call is at work
+        server._at_work.clear()  # as if the answer had been sent, and lost
+        with pytest.raises(bus.ServiceUnavailable, match="was lost on the way to or from another bus"):
+            await call
 
 
 async def test_a_service_is_called_on_the_other_bus(world: Made) -> None:

@@ -26,6 +26,7 @@ from bus.qos import QoSProfile
 from bus.service.base import ServiceBase
 from bus.subscription import Subscription
 from bus.types.service import Reply
+from bus.vocabulary import Route
 
 __all__ = ["MAX_PENDING", "CallLost", "ServiceClient", "ServiceClientStatistics"]
 
@@ -37,6 +38,9 @@ _GRACE_S: Final = 0.5
 
 _LOOK_S: Final = 1.0
 """Interval of checks of doubtful calls."""
+
+_FIRST_LOOKS: Final = 2
+"""Checks until the first question about a call to a server on another bus."""
 
 _MOST_LOOKS: Final = 16
 """The longest interval between two questions about one call, in checks."""
@@ -65,10 +69,15 @@ class ServiceClientStatistics(msgspec.Struct, frozen=True):
 
 
 class CallLost(ServiceUnavailable):
-    """busd ended during the call, and its request or answer was lost."""
+    """The request or the answer was lost: with busd, which ended during the call, or by a bridge."""
 
-    def __init__(self, service: str) -> None:
-        super().__init__(service, "busd has ended meanwhile, and the request or its answer is lost")
+    def __init__(self, service: str, *, is_bridged: bool = False) -> None:
+        super().__init__(
+            service,
+            "the request or its answer was lost on the way to or from another bus"
+            if is_bridged
+            else "busd has ended meanwhile, and the request or its answer is lost",
+        )
 
 
 class _Call:
@@ -81,7 +90,8 @@ class _Call:
         self.deliver = deliver
         self.is_lost = False
         self.is_doubtful = False
-        """busd has ended since, or was away: the client must ask the server whether it knows the call."""
+        """The client must ask the server whether it knows the call: busd has ended since, or was away, or a
+        bridge is on the way, which may lose messages."""
         self.looks = self.looks_left = 0
         """The number of checks between the last question and the next one: all of them, and those left."""
 
@@ -121,6 +131,8 @@ class ServiceClient(ServiceBase):
         self._numbers = count(1)
         self._calls: dict[int, _Call] = {}
         self._servers: frozenset[bytes] = frozenset()
+        self._is_bridged = False
+        """Whether a server is on another bus."""
         self._grace: asyncio.TimerHandle | None = None
         self._doubts: asyncio.TimerHandle | None = None
         self._back_ns = 0
@@ -145,7 +157,7 @@ class ServiceClient(ServiceBase):
         Raises the errors of `Publisher.publish`, and:
 
         - ServiceUnavailable: no server exists, the server left before its answer, or the call was lost with
-          busd
+          busd or by a bridge
         - ServiceError: the service's callback raised an exception
         - LocalProtocolError: 1000 calls wait already
 
@@ -230,7 +242,9 @@ class ServiceClient(ServiceBase):
         number = next(self._numbers)
         payload = self._support.encode_request(self._gid, number, request)
         call = self._calls[number] = _Call(self._servers, deliver)  # first: the answer may come at once
-        call.is_doubtful = not self._requests_core.id
+        call.is_doubtful = self._is_bridged or not self._requests_core.id
+        if self._is_bridged:
+            call.looks_left = _FIRST_LOOKS  # most answers come sooner
         is_sent = False
         try:
             is_sent = self._requests.publish_encoded(payload)
@@ -240,14 +254,16 @@ class ServiceClient(ServiceBase):
         if not is_sent:
             return 0
         self._sent += 1
-        if call.is_doubtful:
+        if call.is_doubtful and self._doubts is None:
             self._loop.call_soon_threadsafe(self._doubt)
         return number
 
     def _take(self, reply: Reply) -> None:
         if reply.client == self._gid:
             outcome = ServiceError(self.service_name, reply.error) if reply.error else reply.body
-            self._settle(reply.number, CallLost(self.service_name) if outcome is None else outcome)
+            if outcome is None:
+                outcome = CallLost(self.service_name, is_bridged=self._is_bridged)
+            self._settle(reply.number, outcome)
 
     def _settle(self, number: int, outcome: Any) -> None:
         call = self._calls.pop(number, None)
@@ -259,7 +275,9 @@ class ServiceClient(ServiceBase):
         call.deliver(number, outcome)
 
     def _on_matched(self, change: MatchedChange) -> None:
-        before, self._servers = self._servers, frozenset(one.gid for one in self._requests.matches)
+        matches = self._requests.matches
+        before, self._servers = self._servers, frozenset(one.gid for one in matches)
+        self._is_bridged = any(one.route == Route.BRIDGE for one in matches)
         if change.current_count_change > 0 and len(self._servers) > 1:
             warn(
                 self._logger,
