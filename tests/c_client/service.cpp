@@ -66,7 +66,8 @@ static void call(busd::bus &bus, busd::node &node, const char *name, char **numb
     std::printf("ready\n");
     std::fflush(stdout);
     try {
-        client.call({}, [](auto &&) {});
+        if (client.servers() == 0)
+            client.call({}, [](auto &&) {});
     } catch (const busd::error &error) {
         std::printf("%s\n", error.what());
         std::fflush(stdout);
