@@ -102,7 +102,10 @@ class Intake:
             self._intakes.drop(self._key)
 
     def attach(self, reader: "RosReader", *, wants_history: bool) -> None:
-        """Pass the messages of a publisher to `reader`, first those that came early."""
+        """Pass the messages of a publisher to `reader`, first those that came early.
+
+        They are given soon: the caller counts the losses of a reader that it has.
+        """
         self._readers[reader.gid] = reader
         self._early_since.pop(reader.gid, None)
         early, lost = self._early.pop(reader.gid)
@@ -110,7 +113,7 @@ class Intake:
             reader.lose(reason, count)
         for cdr, number, time_ns in early:
             reader.receive(cdr, number, time_ns)
-        reader.give()
+        asyncio.get_running_loop().call_soon(reader.give)
         if wants_history:
             self._with_history = True
             former, self._subscriber = self._subscriber, self._subscribe()
