@@ -44,3 +44,22 @@ def accounted(subscription: bus.Subscription[Any]) -> int:
 async def send_all(publisher: bus.Publisher[Any], messages: list[Any]) -> None:
     for message in messages:
         await publisher.send(message)
+
+
+def forget_calls(
+    server: bus.ServiceServer, monkeypatch: pytest.MonkeyPatch, *, lost: int
+) -> list[bus.RequestId]:
+    """Make `server` forget its calls, as if it had sent answers that were lost.
+
+    Of its denials, in the returned list, the first `lost` are lost, too.
+    """
+    server._at_work.clear()
+    deny, denials = server._deny, list[bus.RequestId]()
+
+    def lose(one: bus.RequestId) -> None:
+        denials.append(one)
+        if len(denials) > lost:
+            deny(one)
+
+    monkeypatch.setattr(server, "_deny", lose)
+    return denials

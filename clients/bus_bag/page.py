@@ -44,7 +44,7 @@ class PlayerControl(Playback):
         self._polling: asyncio.TimerHandle | None = None
         self._told: State | None = None
         self._jumped: Callable[[], None] | None = None
-        """Of the request that is being done."""
+        """The callback of the present request."""
         player.on_seek = self._on_seek
 
     @property

@@ -13,7 +13,7 @@ from bus.srv.example_interfaces import AddTwoInts
 from bus.types.classes import message_class, service_class
 from conftest import Daemon
 from programs import running_command
-from semantics import node
+from semantics import forget_calls, node
 
 __all__ = ["node"]
 
@@ -147,15 +147,7 @@ async def test_a_client_in_c_asks_again_about_a_call(
     server = await node.create_service(AddTwoInts, "/add", on_request=lambda _, one: held.put_nowait(one))
     async with running_command(tmp_path, service, "call", "/add", "1") as client:
         await held.get()
-        server._at_work.clear()  # as if the answer had been sent, and lost
-        deny, denials = server._deny, list[bus.RequestId]()
-
-        def lose(one: bus.RequestId) -> None:
-            denials.append(one)
-            if len(denials) >= 3:
-                deny(one)
-
-        monkeypatch.setattr(server, "_deny", lose)
+        forget_calls(server, monkeypatch, lost=2)
         daemon.kill()
         daemon.restart()
         await client.line("^answer -32: the request or the answer was lost")

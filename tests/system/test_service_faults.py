@@ -16,7 +16,7 @@ from bus.srv.example_interfaces import AddTwoInts
 from bus.srv.std_srvs import Trigger
 from conftest import SOON_S, Daemon
 from programs import Program, running
-from semantics import node, until
+from semantics import forget_calls, node, until
 
 __all__ = ["node"]
 
@@ -404,15 +404,7 @@ class TestLostWithBusd:
         service, client, held = ends
         call = asyncio.ensure_future(client.call(asked(1)))
         await until(lambda: held)
-        service._at_work.clear()  # as if the answer had been sent, and lost
-        deny, denials = service._deny, list[bus.RequestId]()
-
-        def lose(one: bus.RequestId) -> None:
-            denials.append(one)
-            if len(denials) >= 3:
-                deny(one)
-
-        monkeypatch.setattr(service, "_deny", lose)
+        denials = forget_calls(service, monkeypatch, lost=2)
         daemon.kill()
         daemon.restart()
         with pytest.raises(bus.ServiceUnavailable, match="busd has ended meanwhile, and the request or"):
