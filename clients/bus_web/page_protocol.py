@@ -7,7 +7,8 @@ graph                       | nodes, topics, endpoints, pairs: once, and when on
 history                     | of topics with messages, Hz in each of the last seconds: once
 rates                       | what has changed since the rates before, each second
 detail                      | of endpoints of topics that are looked at, all counters
-value                       | a message of a topic that is looked at
+value                       | a message of a topic that is looked at; with it the extremes of plotted
+                            | numbers since the last one
 fault                       | why no message of such a topic can be shown
 log                         | lines of /rosout
 status                      | how many messages the server has dropped because this page was slow
@@ -18,7 +19,8 @@ refused                     | why the player did not do what the page asked for
 
 from the page               | what
 ----------------------------|--------------------------------------------------------------------
-look                        | `topics`: names, each with the paths of arrays to be shown at length
+look                        | `topics`: names, each with the paths of arrays to be shown at length;
+                            | `plots`: names, each with the paths of plotted numbers
 log                         | `on`: whether it shows the log
 play                        | `at_s`, `rate`, `paused`, `step`: requests to the player, each optional
 """
@@ -33,6 +35,7 @@ from bus.base.time_parts import bounds
 from bus.names import is_hidden_node
 from bus.qos import in_words
 from bus_plot.loss_timeline import LossTimeline
+from bus_web.extremes import MOST_PLOTTED, Range
 from bus_web.model import Model
 from bus_web.rows import Ages, TopicRow
 
@@ -44,6 +47,7 @@ __all__ = [
     "Play",
     "Said",
     "Sent",
+    "between",
     "detail",
     "graph",
     "history",
@@ -53,6 +57,7 @@ __all__ = [
 
 SUBPROTOCOL = "busd.page.v1"
 _MOST_LOOKS = 32
+_MOST_OPENED = 100
 _BARS = 60
 _MOST_BURSTS = 8
 _MOST_S = 1e10
@@ -67,6 +72,21 @@ class Look(msgspec.Struct, tag="look", tag_field="op", forbid_unknown_fields=Tru
     """The page wants values of these topics, and no longer of any other topic."""
 
     topics: dict[str, list[str]]
+    """Paths of arrays to be shown at length."""
+    plots: dict[str, list[str]] = {}
+    """Paths of plotted numbers."""
+
+    def opened(self) -> dict[str, frozenset[str]]:
+        """Of each wanted topic the arrays to be shown at length: also those with plotted numbers."""
+        return {
+            topic: frozenset(
+                [
+                    *(path.rpartition(".")[0] for path in self.plots.get(topic, ())[:MOST_PLOTTED]),
+                    *self.topics.get(topic, ())[:_MOST_OPENED],
+                ]
+            )
+            for topic in self.topics.keys() | self.plots.keys()
+        }
 
 
 class Log(msgspec.Struct, tag="log", tag_field="op", forbid_unknown_fields=True):
@@ -98,14 +118,20 @@ def read(frame: str | bytes) -> Said:
         said: Said = _decoder.decode(frame)
     except (msgspec.DecodeError, RecursionError) as error:
         raise Mistake(f"not understood: {error}") from None
-    if isinstance(said, Look) and len(said.topics) > _MOST_LOOKS:
-        raise Mistake(f"{len(said.topics)} topics watched; the limit is {_MOST_LOOKS}")
+    if isinstance(said, Look) and (number := len(said.topics.keys() | said.plots.keys())) > _MOST_LOOKS:
+        raise Mistake(f"{number} topics watched; the limit is {_MOST_LOOKS}")
     return said
 
 
 def message(op: str, **fields: Any) -> bytes:
     """A frame of the server: the bytes of a text."""
     return _encode({"op": op, **fields})
+
+
+def between(values: Range) -> dict[str, Any]:
+    """Fields of a value for plots: what has come since the value before."""
+    ends = {path: [first, second] for path, first, second in values.ends}
+    return {"from_ms": values.from_ns / 1e6, "ends": ends}
 
 
 def graph(model: Model) -> bytes:

@@ -1,11 +1,13 @@
 """The session of one open page: its frames, their pace, and the topics that it views."""
 
 import asyncio
+from contextlib import suppress
 from time import monotonic
 from typing import Any
 
 from bus.subscription import MessageInfo
 from bus_web import page_protocol as protocol
+from bus_web.extremes import Extremes
 from bus_web.hub import Hub, Watcher
 from bus_web.outbox import Outbox
 from bus_web.page_log import PageLog
@@ -21,7 +23,6 @@ _VALUE_S = 0.05
 """At most 20 values of a topic in a second."""
 _MOST_WAITING = 2 << 20
 """Bytes. A page shows what is now: it may have less in store than a client that records."""
-_MOST_OPENED = 100
 _MOST_FRAMES = 8
 """Most frames cached for one message, for pages that show it differently."""
 
@@ -31,6 +32,7 @@ class _Look:
 
     def __init__(self, opened: frozenset[str]) -> None:
         self.opened = opened
+        self.extremes = Extremes()
         self.shown_s = 0.0
         self.waiting: Heard | None = None
         self.shown: Heard | None = None
@@ -71,7 +73,7 @@ class PageSession(Watcher):
             sending.cancel()
             if self._player is not None:
                 await self._player.close()
-            self._watch({})
+            self._watch(protocol.Look({}))
             self._log.show(on=False)
             self._sender.close()
             await asyncio.gather(sending, return_exceptions=True)
@@ -103,6 +105,10 @@ class PageSession(Watcher):
 
     def on_message(self, topic: str, heard: Heard) -> None:
         if (look := self._looks.get(topic)) is not None:
+            size = len(heard.payload)
+            if look.extremes.has_room(size):
+                with suppress(Exception):  # the bytes come from a stranger; `_show` tells the page
+                    look.extremes.add(heard.message, size, heard.info.source_timestamp)
             self._await_turn(topic, look, heard)
 
     def _await_turn(self, topic: str, look: _Look, heard: Heard) -> None:
@@ -123,7 +129,7 @@ class PageSession(Watcher):
     def _on_frame(self, frame: str | bytes) -> None:
         said = protocol.read(frame)
         if isinstance(said, protocol.Look):
-            self._watch(said.topics)
+            self._watch(said)
         elif isinstance(said, protocol.Log):
             self._log.show(on=said.on)
         elif self._player is not None:
@@ -131,7 +137,8 @@ class PageSession(Watcher):
         else:
             raise protocol.Mistake("no bag is played here: start bus web with --bag")
 
-    def _watch(self, topics: dict[str, list[str]]) -> None:
+    def _watch(self, wanted: protocol.Look) -> None:
+        topics = wanted.opened()
         for topic in [*self._looks]:
             if topic not in topics:
                 look = self._looks.pop(topic)
@@ -139,8 +146,7 @@ class PageSession(Watcher):
                     look.timer.cancel()
                 self._sender.forget(topic)
                 self._hub.subscriptions.remove(topic, self)
-        for topic, paths in topics.items():
-            opened = frozenset(paths[:_MOST_OPENED])
+        for topic, opened in topics.items():
             known = self._looks.get(topic)
             if known is None:
                 self._looks[topic] = _Look(opened)
@@ -149,6 +155,9 @@ class PageSession(Watcher):
                 known.opened = opened
                 if known.shown is not None and known.waiting is None:
                     self._await_turn(topic, known, known.shown)
+            extremes = Extremes(wanted.plots.get(topic, ()))
+            if self._looks[topic].extremes.paths != extremes.paths:
+                self._looks[topic].extremes = extremes
         if topics and self._hub.has_looked and not self._sender.notices:
             self._send_details()
 
@@ -158,6 +167,7 @@ class PageSession(Watcher):
             if look.timer is not None:
                 look.timer.cancel()
             look.timer = look.waiting = look.shown = None
+            look.extremes.clear()
             self._sender.forget(topic)
 
     def _show(self, topic: str, look: _Look) -> None:
@@ -167,7 +177,9 @@ class PageSession(Watcher):
             return
         look.shown_s = self._loop.time()
         look.shown = heard
-        frame = heard.frames.get(look.opened)  # for all pages that show the same of it
+        between = look.extremes.take()
+        shown = look.opened, between
+        frame = heard.frames.get(shown)  # for all pages that show the same of it
         if frame is None:
             try:
                 tree = tree_of(heard.message, look.opened)
@@ -177,7 +189,7 @@ class PageSession(Watcher):
             info = heard.info
             if len(heard.frames) >= _MOST_FRAMES:
                 heard.frames.clear()
-            frame = heard.frames[look.opened] = protocol.message(
+            frame = heard.frames[shown] = protocol.message(
                 "value",
                 topic=topic,
                 type=heard.type_name,
@@ -186,6 +198,7 @@ class PageSession(Watcher):
                 at_ms=info.source_timestamp / 1e6,
                 age_ms=round(self._age_ns(info) / 1e6, 3),
                 tree=tree,
+                **(protocol.between(between) if between else {}),
             )
         self._sender.put(topic, frame)
 

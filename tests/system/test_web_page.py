@@ -3,6 +3,7 @@
 import os
 from collections.abc import Iterator
 from contextlib import ExitStack
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -71,6 +72,20 @@ async def main():
             await asyncio.sleep(0.1)
 bus.run(main())
 """
+
+SPIKES = """
+import bus, itertools
+from bus.msg.geometry_msgs import Point
+async def main():
+    async with bus.Node("spikes") as node:
+        publisher = await node.create_publisher(Point, "topic", 10)
+        print("ready", flush=True)
+        numbers = itertools.count()
+        node.create_timer(0.005, lambda: publisher.publish(Point(x=0.0 if next(numbers) % 19 else 1000.0)))
+        await node.spin()
+bus.run(main())
+"""
+"""200 messages a second, of which every nineteenth is larger: a page shows 20 of them."""
 
 
 IS_SEEN = """
@@ -169,6 +184,26 @@ def test_the_robot(robot: None, server: Serving, page: Page) -> None:
     assert page.run("return document.getElementById('value-note').textContent") == frozen
     page.press("#pause")
     page.wait("return document.getElementById('value-note').textContent", fits=lambda text: text != frozen)
+
+
+@pytest.mark.landing
+def test_a_plot_shows_each_spike(server: Serving, page: Page) -> None:
+    """Also those of messages between the values that are shown."""
+    with script(SPIKES):
+        page.open(server.page)
+        choose(page, "/topic")
+        page.run(
+            "const Real = uPlot; window.uPlot = function (...a) { return window.drawn = new Real(...a); }"
+        )
+        page.press('#detail .value[aria-label^="x "]')
+        spikes = page.wait(
+            "const [times, values] = window.drawn?.data ?? [[], []];"
+            "return times.filter((_, at) => values[at] === 1000)",
+            fits=lambda found: len(found) >= 30,
+        )
+    apart_s = sorted(later - before for before, later in pairwise(spikes))
+    assert apart_s[0] > 0
+    assert apart_s[len(apart_s) // 2] < 0.2, "ten a second; of the values shown one in nineteen is larger"
 
 
 def test_what_a_subscription_loses_is_red_and_counted(server: Serving, page: Page) -> None:

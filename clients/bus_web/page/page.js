@@ -81,11 +81,10 @@ function state(kind, text) {
   setAttribute(the("state"), "class", kind || null);
 }
 
-// Topics whose values are wanted, and the arrays that are open in them.
+// What of messages is wanted: the chosen topic with its open arrays, and plotted numbers.
 function look() {
-  const topics = Object.fromEntries(plots.topics.map((topic) => [topic, [...plots.pathsOf(topic)].map((path) => path.replace(/\.[^.]*$/, ""))]));
-  if (view.topic !== null) topics[view.topic] = [...(topics[view.topic] ?? []), ...detail.opened];
-  connection.say("look", { topics });
+  const topics = view.topic === null ? {} : { [view.topic]: [...detail.opened] };
+  connection.say("look", { topics, plots: plots.paths });
   detail.plotted(plots.pathsOf(view.topic));
 }
 

@@ -3,7 +3,7 @@
 import { element, setAttribute, setText } from "./dom.js";
 import { numberAt } from "./tree.js";
 
-const SPAN_S = 60, MOST = 1500, HEIGHT = 170;
+const SPAN_S = 60, MOST = 4000, HEIGHT = 170;
 const COLOURS = ["--plot-1", "--plot-2", "--plot-3", "--plot-4", "--plot-5"];
 
 export class Plots {
@@ -16,8 +16,8 @@ export class Plots {
     new ResizeObserver(() => this.redraw()).observe(place);
   }
 
-  get topics() {
-    return [...this.charts.keys()];
+  get paths() {
+    return Object.fromEntries([...this.charts].map(([topic, { paths }]) => [topic, paths]));
   }
 
   pathsOf(topic) {
@@ -99,18 +99,23 @@ class Chart {
     this.figure.remove();
   }
 
-  add({ at_ms: at, age_ms: age, tree }) {
-    const time = at / 1000;
-    if (this.times.length && time <= this.times.at(-1)) return;
-    this.times.push(time);
-    this.ages.push(age);
-    for (const path of this.paths) this.values.get(path).push(numberAt(tree, path) ?? null);
-    const old = this.times.findIndex((one) => one >= time - SPAN_S);
-    const drop = Math.max(old, this.times.length - MOST);
-    if (drop > 0) for (const one of [this.times, this.ages, ...this.values.values()]) one.splice(0, drop);
+  // The extremes since the last value, then the value.
+  add({ at_ms: at, age_ms: age, tree, from_ms: from, ends }) {
+    if (ends) [from, (from + at) / 2].forEach((time, end) => this.point(time, null, (path) => ends[path]?.[end]));
+    this.point(at, age, (path) => numberAt(tree, path));
     if (this.isDue) return;
     this.isDue = true;
     requestAnimationFrame(() => this.draw());
+  }
+
+  point(at, age, value) {
+    const time = at / 1000;
+    if (time <= this.times.at(-1)) return;
+    this.times.push(time);
+    this.ages.push(age);
+    for (const path of this.paths) this.values.get(path).push(value(path) ?? null);
+    const drop = Math.max(this.times.findIndex((one) => one >= time - SPAN_S), this.times.length - MOST);
+    if (drop > 0) for (const one of [this.times, this.ages, ...this.values.values()]) one.splice(0, drop);
   }
 
   clear() {

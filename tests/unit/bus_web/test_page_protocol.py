@@ -119,6 +119,9 @@ def test_when_messages_were_lost() -> None:
 def test_what_the_page_says() -> None:
     said = protocol.read('{"op":"look","topics":{"/a":["x.y"],"/b":[]}}')
     assert said == protocol.Look({"/a": ["x.y"], "/b": []})
+    said = protocol.read('{"op":"look","topics":{"/a":["x.y"]},"plots":{"/a":["z.1","v"],"/b":[]}}')
+    assert isinstance(said, protocol.Look)
+    assert said.opened() == {"/a": {"x.y", "z", ""}, "/b": set()}, "an array with a plotted number is shown"
     assert protocol.read('{"op":"log","on":true}') == protocol.Log(on=True)
 
 
@@ -135,6 +138,12 @@ def test_what_the_page_says() -> None:
         (b"\x00", "text frames"),
         (
             msgspec.json.encode({"op": "look", "topics": {f"/{n}": [] for n in range(33)}}).decode(),
+            "33 topics watched; the limit is 32",
+        ),
+        (
+            msgspec.json.encode(
+                {"op": "look", "topics": {"/0": []}, "plots": {f"/{n}": [] for n in range(33)}}
+            ).decode(),
             "33 topics watched; the limit is 32",
         ),
     ],

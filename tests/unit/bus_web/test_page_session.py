@@ -12,6 +12,37 @@ from semantics import until
 from web_world import WebWorld
 
 
+async def test_a_value_has_the_extremes_of_the_messages_before_it() -> None:
+    """Of eight messages that come at once a page shows the first and the last."""
+    world = WebWorld()
+    publisher = world.add("publisher", "/sensor", "/numbers", Float64MultiArray)
+    world.look()
+    session = PageSession(world.hub, world.socket, "a bus")
+    running = asyncio.get_running_loop().create_task(session.run())
+    look = {"op": "look", "topics": {"/numbers": []}, "plots": {"/numbers": ["data.9"]}}
+    world.socket.said.put_nowait(msgspec.json.encode(look).decode())
+    await until(lambda: world.node.subscriptions)
+    for at_s, number in enumerate((0, 1, -7, 2, 9, 3, 4, 5)):
+        world.publish(publisher, Float64MultiArray(data=[0.0] * 9 + [number]), sent_ns=at_s * 1_000_000_000)
+    values: list[dict[str, object]] = []
+
+    def has_both() -> bool:
+        values[:] = [told for told in world.socket.texts() if told["op"] == "value"]
+        return len(values) == 2
+
+    await until(has_both)
+    assert [value["at_ms"] for value in values] == [0, 7000]
+    assert "ends" not in values[0], "the value itself says it"
+    assert (values[1]["from_ms"], values[1]["ends"]) == (1000, {"data.9": [-7, 9]})
+    world.publish(publisher, Float64MultiArray(), sent_ns=8_000_000_000)
+    world.socket.said.put_nowait('{"op":"look","topics":{}}')
+    await until(lambda: not session._looks)
+    running.cancel()
+    with suppress(asyncio.CancelledError):
+        await running
+    await world.close()
+
+
 async def test_what_is_made_of_a_message_is_kept_for_a_few_pages_only() -> None:
     """A page may open one array of a message after the other, again and again."""
     world = WebWorld()
