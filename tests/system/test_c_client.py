@@ -55,6 +55,15 @@ async def until_account(node: bus.Node, topic: str, expected: int) -> None:
             await asyncio.sleep(0.05)
 
 
+def test_the_library_takes_no_names_of_programs(programs: Path) -> None:
+    """A program that links libbusd.a may have functions of its own with any name: `fail`, `flush`."""
+    found = c_programs.run("nm", "--extern-only", "--defined-only", programs / "libbusd.a")
+    names = {line.split()[-1] for line in found.splitlines() if len(line.split()) == 3}
+    assert "busd_publish" in names
+    foreign = [name for name in names if not name.startswith(("busd_", "__"))]
+    assert foreign == [], "they belong into clients/c/src/prefixed.h"
+
+
 async def test_all_arrives_in_order_from_python(
     node: bus.Node, programs: Path, tmp_path: Path, route: str
 ) -> None:

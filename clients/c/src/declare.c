@@ -29,7 +29,7 @@ static int wait_for(busd_bus *bus, const struct waiting *waiting)
         if (poller.revents & POLLIN)
             until = now_ns() + GIVE_UP_NS;
         else if (now_ns() > until) {
-            lost(bus, "busd does not answer");
+            lose_connection(bus, "busd does not answer");
             return -ETIMEDOUT;
         }
         if (count <= 0)
@@ -240,7 +240,7 @@ static void declare_again(struct endpoint *end)
 {
     busd_bus *bus = end->node->bus;
     if (bus->sock >= 0 && declare_endpoint(end) < 0 && bus->sock >= 0)
-        lost(bus, NULL);
+        lose_connection(bus, NULL);
 }
 
 /* After busd's Hello: everything of this process. 0, or -errno with the reason in `error`. */

@@ -172,7 +172,7 @@ static ssize_t send_parts(busd_bus *bus, struct iovec *parts, size_t count, cons
     else if (errno == EAGAIN || errno == EINTR || errno == ENOBUFS)
         bus->is_blocked = true;
     else {
-        lost(bus, strerror(errno));
+        lose_connection(bus, strerror(errno));
         return -1;
     }
     return 0;
@@ -188,7 +188,7 @@ bool send_run(busd_bus *bus, struct iovec *parts, size_t count, size_t size)
         return true;
     struct frame *rest = malloc(sizeof *rest + size - (size_t)sent);
     if (rest == NULL) {
-        lost(bus, "no memory for the rest of a message");
+        lose_connection(bus, "no memory for the rest of a message");
         return false;
     }
     *rest = (struct frame){.size = size - (size_t)sent};

@@ -44,6 +44,8 @@
 #include "sizes.h"
 #include "writer.h"
 
+#include "prefixed.h" /* last, so that it changes only names of the library */
+
 #define SLOTS 1020u                      /* of a process's readers' segment */
 #define SECOND_NS INT64_C(1000000000)
 #define GIVE_UP_NS (10 * SECOND_NS)      /* without an answer; and until an endpoint that is away counts as gone */
@@ -374,7 +376,7 @@ int fail(busd_bus *bus, int code, const char *form, ...) __attribute__((format(p
 void tell(busd_bus *bus, busd_event_kind kind, const struct endpoint *end, const char *form, ...)
     __attribute__((format(printf, 4, 5)));
 void set_timer(busd_bus *bus, enum timer timer, int64_t at_ns);
-void lost(busd_bus *bus, const char *reason);
+void lose_connection(busd_bus *bus, const char *reason);
 int take_in(busd_bus *bus);
 void sweep_unless_in_turn(busd_bus *bus);
 void ping_due(busd_bus *bus);

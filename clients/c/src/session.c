@@ -107,14 +107,14 @@ static void do_retry(busd_bus *bus, int64_t now)
 {
     (void)now;
     if (bus->sock < 0 && connect_once(bus) < 0)
-        lost(bus, NULL);
+        lose_connection(bus, NULL);
 }
 
 static void do_hello(busd_bus *bus, int64_t now)
 {
     (void)now;
     if (bus->sock >= 0 && !bus->is_open)
-        lost(bus, "busd does not answer");
+        lose_connection(bus, "busd does not answer");
 }
 
 static void do_stale(busd_bus *bus, int64_t now)
@@ -235,7 +235,7 @@ static int connect_once(busd_bus *bus)
 }
 
 /* Ends the connection, if there is one, and tries again later. `reason` NULL: it is in `error`. */
-void lost(busd_bus *bus, const char *reason)
+void lose_connection(busd_bus *bus, const char *reason)
 {
     const bool was_open = bus->is_open;
     if (reason != NULL)
@@ -318,7 +318,7 @@ int take_in(busd_bus *bus)
         if (bus->sock < 0)
             return -ENOTCONN;
         if (status < 0) {
-            lost(bus, NULL);
+            lose_connection(bus, NULL);
             return status;
         }
     }
@@ -362,7 +362,7 @@ static int await_hello(busd_bus *bus)
     }
     if (bus->is_open)
         return 0;
-    lost(bus, "busd does not answer");
+    lose_connection(bus, "busd does not answer");
     return -ETIMEDOUT;
 }
 

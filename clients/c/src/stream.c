@@ -164,7 +164,7 @@ void stream_resend(busd_publisher *p, uint64_t at_ns, uint64_t after, uint64_t o
         const uint64_t payload = record_size(p, seq);
         struct frame *frame = malloc(sizeof *frame + RUN_HEAD_BYTES + RECORD_BYTES + payload);
         if (frame == NULL) {
-            lost(bus, "no memory to send samples again");
+            lose_connection(bus, "no memory to send samples again");
             return;
         }
         *frame = (struct frame){.size = RUN_HEAD_BYTES + RECORD_BYTES + payload};
