@@ -240,12 +240,12 @@ peers: $(PEERS:%=.venv-%/.peers) ## ROS 2's own rclpy into .venv-jazzy and .venv
 	@touch $@
 
 # What is measured beside busd. Where it can't be had, its rows say so, and the rest is measured.
-$(BENCH_STAMP): $(TOOLS) $(wildcard benchmarks/floors/*.c benchmarks/floors/Makefile)
+$(BENCH_STAMP): $(TOOLS) $(wildcard benchmarks/c/*.[ch] benchmarks/c/Makefile)
 	@rm -f $@
 	@$(call EXTRA,bench) && touch $@ \
 		|| echo "the rivals can't be installed: the rows of those that are not there say so"
-	@$(MAKE) --no-print-directory -C benchmarks/floors \
-		|| { rm -f $@; echo "the limits in C can't be built: their rows say so"; }
+	@$(MAKE) --no-print-directory -C benchmarks/c BUS=$(abspath $(BIN))/bus \
+		|| { rm -f $@; echo "the programs in C can't be built: their rows say so"; }
 
 wheels: $(RELEASE_STAMP) ## sdist, pure and native wheel into dist/, each checked and used with every Python found
 	@PYTHONPATH=tests $(BIN)/python -m wheels
@@ -267,7 +267,7 @@ $(RELEASE_STAMP): pyproject.toml | $(TOOLS)
 	@touch $@
 
 clean: ## remove what the other targets made
-	rm -rf $(VENV) $(PEERS:%=.venv-%) build dist tests/native/build benchmarks/floors/build clients/bus/shm/*.so clients/bus_tf2/core/*.so clients/bus_bag/core/*.so *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis .fuzz .import_linter_cache
+	rm -rf $(VENV) $(PEERS:%=.venv-%) build dist tests/native/build benchmarks/c/build clients/bus/shm/*.so clients/bus_tf2/core/*.so clients/bus_bag/core/*.so *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis .fuzz .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 .PHONY: help setup demo robot docs test suite compiled nightly test-nightly test-uptime test-nohup mutants native arm lint sanitize differential fuzz api messages vendor axe foxglove fmt bench-quick bench peers chaos chaos-bridges chaos-ros2 soak bench-compare bench-report wheels test-pythons release-check clean

@@ -32,6 +32,7 @@ BENCHMARKS = (
     "web",
     "check_cost",
     "codec",
+    "c_client",
     "bags",
     "bridge",
     "fairness",

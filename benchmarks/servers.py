@@ -21,6 +21,9 @@ _REDIS = (
     *("--port", "0", "--save", "", "--appendonly", "no", "--loglevel", "warning"),
     *("--client-output-buffer-limit", "pubsub", "0", "0", "0"),
 )
+_POOLS = ((1 << 10, 2000), ((64 << 10) + 256, 600), ((1 << 20) + 256, 64), ((4 << 20) + 256, 16))
+"""Sizes and numbers of iceoryx's chunks: each size has those of the benchmark and the chunk's header."""
+_ROUDI_SOCKET = "/tmp/roudi"
 _LOOK_S = 0.005
 
 
@@ -52,6 +55,23 @@ def serve_redis(group: Group, module: str) -> list[Child]:
         return f"unix://{path}"
 
     group.environ["BENCH_SERVER"] = _await(child, ask)
+    return [child]
+
+
+def serve_roudi(group: Group, module: str) -> list[Child]:
+    """Start iceoryx's daemon. Raises Failure if it does not start: there can be only one on a machine."""
+    config = group.folder / "roudi.toml"
+    pools = "".join(f"[[segment.mempool]]\nsize = {size}\ncount = {count}\n" for size, count in _POOLS)
+    config.write_text(f"[general]\nversion = 1\n[[segment]]\n{pools}")
+    options = ("--config-file", str(config), "--monitoring-mode", "off")
+    child = group.start("iox-roudi", path_of("iox-roudi"), *options, stop_signal=signal.SIGTERM)
+
+    def ask() -> str:
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as client:
+            client.connect(_ROUDI_SOCKET)
+        return _ROUDI_SOCKET
+
+    _await(child, ask)
     return [child]
 
 

@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple
 import msgspec
 
 from benchmarks import ros
-from benchmarks.adapters.floor_c import PROGRAM, WAY
+from benchmarks.adapters import c_program
 from benchmarks.harness import START_S, Child, Failure, Group
 from benchmarks.machine import path_of
 from benchmarks.servers import serve_nats, serve_redis
@@ -155,9 +155,9 @@ def no_shared_memory() -> str:
     return shm.why_not()
 
 
-def no_c_program() -> str:
-    """The reason why the floors in C can't be measured here; empty if they can."""
-    return "" if PROGRAM.exists() else "it has not been built: make -C benchmarks/floors"
+def no_c_program(name: str = "bare") -> str:
+    """The reason why a program of benchmarks/c can't be measured here; empty if it can."""
+    return "" if c_program.path_of(name).exists() else "it has not been built: make -C benchmarks/c"
 
 
 TUNED = "tuned malloc"
@@ -180,7 +180,11 @@ def tuned(system: System) -> System:
 _BY_SOCKET = MappingProxyType({"BUS_ROUTE": "socket"})
 _STRING, _BYTES, _FAN = (f"benchmarks.adapters.bus_{name}" for name in ("string", "bytes", "fanout"))
 
-_C = "benchmarks.adapters.floor_c"
+
+def by_c(program: str, way: str) -> Mapping[str, str]:
+    """The environment of a program of benchmarks/c, and of its way."""
+    return MappingProxyType({c_program.PROGRAM: program, c_program.WAY: way})
+
 
 BUS = System(
     "busd, shared memory",
@@ -244,15 +248,15 @@ TWO_HOPS = System(
 )
 C_FLOOR = System(
     "C, shared memory + eventfd",
-    _C,
+    c_program.__name__,
     missing=no_c_program,
-    environ=MappingProxyType({WAY: "shm"}),
+    environ=by_c("bare", "shm"),
     kind="floor",
     fans_out=False,
     guess=Speed(500_000, 30e9),
 )
 C_SOCKET = C_FLOOR._replace(
-    name="C, UNIX socket", environ=MappingProxyType({WAY: "socket"}), guess=Speed(400_000, 1.5e9)
+    name="C, UNIX socket", environ=by_c("bare", "socket"), guess=Speed(400_000, 1.5e9)
 )
 
 PIPE = System(

@@ -162,7 +162,9 @@ def work_of(plan: Plan, speed: Speed, size: int, **ways: Any) -> Work:
 def copying_case(plan: Plan, size: int) -> Case:
     """The limit for every system that copies."""
     measure_it = partial(copying.measure_copying, size, _COPY.messages_in(_LIMIT_FLOOD_S, size))
-    return Case(f"{bytes_text(size)}, {copying.NAME}", measure_it, no_c_program(), copying.NAME, size)
+    return Case(
+        f"{bytes_text(size)}, {copying.NAME}", measure_it, no_c_program("copying"), copying.NAME, size
+    )
 
 
 def _cases(plan: Plan, size: int) -> list[Case]:
