@@ -5,10 +5,12 @@ from collections.abc import Iterable, Sequence
 
 import msgspec
 
+from bus.base.time_parts import PARTS, part_of
 from bus_cli.bench.task import Sent, Settled
 from bus_cli.output import size_text, table
+from bus_plot.histogram import bounds, histogram, lines
 
-__all__ = ["PERCENTILES", "Ages", "Run", "ages", "bytes_text", "percentile", "tables"]
+__all__ = ["PERCENTILES", "Ages", "Run", "ages", "bytes_text", "percentile", "plots", "tables"]
 
 PERCENTILES = (50.0, 90.0, 99.0, 99.9, 100.0)
 _COLUMNS = ("p50", "p90", "p99", "p99.9", "max")
@@ -23,6 +25,8 @@ class Ages(msgspec.Struct, frozen=True, rename={"p99_9": "p99.9"}):
     p99: float
     p99_9: float
     max: float
+    histogram: list[tuple[float, float, int]]
+    """Begin and end of each part with samples, in µs, and their number: two parts for each doubling."""
 
 
 def percentile(ordered: Sequence[float], percent: float) -> float:
@@ -43,7 +47,13 @@ def ages(samples_ns: Iterable[int]) -> Ages | None:
     ordered = sorted(samples_ns)
     if not ordered:
         return None
-    return Ages(len(ordered), *(percentile(ordered, percent) / 1000 for percent in PERCENTILES))
+    parts = []
+    for part, count in enumerate(histogram(ordered)):
+        if count:
+            begin_ns, end_ns = bounds(part)
+            parts.append((begin_ns / 1000, end_ns / 1000, count))
+    p50, p90, p99, p99_9, largest = [percentile(ordered, percent) / 1000 for percent in PERCENTILES]
+    return Ages(len(ordered), p50, p90, p99, p99_9, largest, parts)
 
 
 class Run(msgspec.Struct, frozen=True, kw_only=True):
@@ -129,7 +139,7 @@ def _last_ages(settled: Sequence[Settled]) -> Iterable[int]:
 
 def tables(runs: Sequence[Run]) -> str:
     """A table of rates and losses, and a table of ages."""
-    kinds = [(bytes_text(run.size), f"{run.rate:,g}/s" if run.rate else "flood", run) for run in runs]
+    kinds = [(*_kind(run), run) for run in runs]
     rates = table(
         ("size", "pace", "route", "published/s", "delivered/s", "bytes/s", "lost"),
         [
@@ -142,15 +152,33 @@ def tables(runs: Sequence[Run]) -> str:
     )
     rows = []
     for size, pace, run in kinds:
-        for since, found in (
-            ("sent", run.since_sent_us),
-            ("due", run.since_due_us),
-            ("sent, to the last", run.last_us),
-        ):
-            if found is not None:
-                values = (found.p50, found.p90, found.p99, found.p99_9, found.max)
-                rows.append((size, pace, since, *map(_us_text, values)))
+        for since, found in _ages_of(run):
+            values = (found.p50, found.p90, found.p99, found.p99_9, found.max)
+            rows.append((size, pace, since, *map(_us_text, values)))
     return f"{rates}\n{table(('size', 'pace', 'µs since', *_COLUMNS), rows)}"
+
+
+def plots(runs: Sequence[Run], cells: int) -> list[str]:
+    """Lines with a histogram of each row of ages. The longest bar has `cells` characters."""
+    found = []
+    for run in runs:
+        for since, ages_us in _ages_of(run):
+            counts = [0] * PARTS
+            for begin_us, _, count in ages_us.histogram:
+                counts[part_of(round(begin_us * 1000))] = count
+            found += ["", f"{', '.join(_kind(run))}, since {since}:", *lines(counts, cells)]
+    return found
+
+
+def _kind(run: Run) -> tuple[str, str]:
+    """The size and the pace in words."""
+    return bytes_text(run.size), f"{run.rate:,g}/s" if run.rate else "flood"
+
+
+def _ages_of(run: Run) -> list[tuple[str, Ages]]:
+    """The beginning of the ages in words, and the ages."""
+    known = (("sent", run.since_sent_us), ("due", run.since_due_us), ("sent, to the last", run.last_us))
+    return [(since, found) for since, found in known if found is not None]
 
 
 def _lost_text(run: Run) -> str:

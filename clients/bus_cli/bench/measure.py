@@ -11,7 +11,7 @@ import msgspec
 from bus.base.counted import counted
 from bus.process.address import socket_path
 from bus.qos import QoSProfile
-from bus_cli.bench.figures import Run, bytes_text, tables
+from bus_cli.bench.figures import Run, bytes_text, plots, tables
 from bus_cli.bench.interrupts import end_on_signals
 from bus_cli.bench.payload import Payload
 from bus_cli.bench.place import Place, find_bus
@@ -23,6 +23,8 @@ from bus_cli.exitcodes import EXIT_ERROR
 from bus_cli.output import CommandError, complain, print_json, say
 
 __all__ = ["judge", "run_plan"]
+
+_BAR_CELLS = 40
 
 
 def run_plan(args: Namespace, plan: Plan) -> int:
@@ -37,6 +39,7 @@ class _Bench:
     def __init__(self, args: Namespace, plan: Plan) -> None:
         self._plan = plan
         self._as_json: bool = args.json
+        self._is_plotted: bool = args.plot
         self._path = socket_path(args.socket, args.domain)
         self._runs: list[Run] = []
         self._interrupt: KeyboardInterrupt | None = None
@@ -110,6 +113,8 @@ class _Bench:
             print_json(self._record(place))
         elif self._runs:
             say(f"\n{tables(self._runs)}", end="")
+            for line in plots(self._runs, _BAR_CELLS) if self._is_plotted else ():
+                say(line)
         if self._interrupt is not None:
             complain("interrupted: this is what was measured so far" if self._runs else "interrupted")
 

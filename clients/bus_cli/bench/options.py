@@ -98,6 +98,7 @@ def add_bench_arguments(parser: ArgumentParser, *, subscribers: int, rate: float
         f"else of numbers (default: {_TYPE})",
     )
     completed_by(kind, types)
+    parser.add_argument("--plot", action="store_true", help="also print a histogram of the ages")
     add_qos_arguments(parser, "measure", "default")
 
 

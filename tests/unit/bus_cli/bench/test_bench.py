@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from bus.qos import QoSProfile
 from bus.types.support import type_support
 from bus_cli.bench import session
-from bus_cli.bench.figures import Run, ages, bytes_text, percentile, tables
+from bus_cli.bench.figures import Run, ages, bytes_text, percentile, plots, tables
 from bus_cli.bench.measure import judge
 from bus_cli.bench.options import add_bench_arguments, read_plan, read_sizes
 from bus_cli.bench.payload import BYTES, HEAD, Payload, Stamps, read_stamps
@@ -235,7 +235,8 @@ def test_what_has_no_percentile() -> None:
 def test_ages_are_in_microseconds() -> None:
     found = ages([3000, 1000, 2000])
     assert msgspec.to_builtins(found) == {
-        "samples": 3, "p50": 2.0, "p90": 3.0, "p99": 3.0, "p99.9": 3.0, "max": 3.0
+        "samples": 3, "p50": 2.0, "p90": 3.0, "p99": 3.0, "p99.9": 3.0, "max": 3.0,
+        "histogram": [(0.0, 1.024, 1), (1.536, 2.048, 1), (2.048, 3.072, 1)],
     }  # fmt: skip
 
 
@@ -271,10 +272,27 @@ def test_the_age_at_the_last_subscriber() -> None:
     assert "sent, to the last" in tables([run])
 
 
+def test_a_histogram_of_the_ages() -> None:
+    """Parts between the first and the last one stand there, too, without a bar."""
+    run = Run.of(64, 10.0, "shm", [sent(5)], [settled(5, 100, 100, 101, 100, 400)])
+    assert run.since_sent_us is not None
+    first, last = run.since_sent_us.histogram[0], run.since_sent_us.histogram[-1]
+    assert first[0] <= 100 < first[1] and last[0] <= 400 < last[1]
+    assert (first[2], last[2]) == (4, 1)
+    text = plots([run], 8)
+    assert text[:2] == ["", "64 B, 10/s, since sent:"]
+    assert [line.split(" ... ")[1].split(" ", 2)[2] for line in text[2:7]] == [
+        *(f"{'▇' * 8} 4", f"{'':8} 0", f"{'':8} 0", f"{'':8} 0"),
+        f"{'▇▇':8} 1",
+    ]
+    assert text[7:9] == ["", "64 B, 10/s, since due:"]
+
+
 def test_nothing_at_all_arrived() -> None:
     run = Run.of(64, 10.0, "shm", [sent(2)], [Settled(0, {"replaced": 2}, 0, [], [], [])])
     assert (run.since_sent_us, run.since_due_us, run.delivered_per_s) == (None, None, 0.0)
     assert "2 of 2 (replaced: 2)" in tables([run])
+    assert plots([run], 8) == []
 
 
 def test_a_loss_is_an_error_only_where_none_was_promised(capsys: pytest.CaptureFixture[str]) -> None:
