@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from bus.base.together import until_one_ends
 from bus_bag import losses
 from bus_bag.errors import BagError
 from bus_bag.info import find_losses
@@ -17,6 +18,7 @@ from bus_bag.play.options import PlayOptions
 from bus_bag.play.player import Player
 from bus_bag.play.program import replay
 from bus_bag.play.progress import Status as PlayerStatus
+from bus_bag.play.time_line import TimeLine
 from bus_bag.storage import JoinedBags
 from bus_plot.loss_timeline import LossTimeline
 from bus_web.playback import Losses, Playback, Recording, Request, State, Status
@@ -80,7 +82,7 @@ class PlayerControl(Playback):
         if request.seek_ns is not None and not await player.seek(request.seek_ns):
             refusal = "the bag is no longer played"
         if request.rate is not None and request.rate != player.rate and not player.set_rate(request.rate):
-            refusal = f"{request.rate:g} is not a rate from 1e-9 to 1e9"
+            refusal = f"{request.rate:g} is not {TimeLine.RATES}"
         if request.is_paused is False and player.is_paused:
             player.resume()
         if request.step and not await player.play_next():
@@ -177,12 +179,4 @@ async def play_on_page(
         if not now.topics:
             raise BagError(f"Nothing to play: no topic of {recording.name} can be played")
         control = PlayerControl(now.player, recording)
-        tasks = [asyncio.create_task(serve(control)), asyncio.create_task(now.player.play())]
-        try:
-            done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-            for task in done:
-                task.result()
-        finally:
-            for task in tasks:
-                task.cancel()
-            await asyncio.gather(*tasks, return_exceptions=True)
+        await until_one_ends(serve(control), now.player.play())

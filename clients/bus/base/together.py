@@ -4,7 +4,7 @@ import asyncio
 from collections.abc import Coroutine, Iterable
 from typing import Any, TypeVar
 
-__all__ = ["together"]
+__all__ = ["together", "until_one_ends"]
 
 T = TypeVar("T")
 
@@ -20,3 +20,19 @@ async def together(coroutines: Iterable[Coroutine[Any, Any, T]]) -> list[T]:
         if isinstance(result, BaseException):
             raise result
     return results  # type: ignore[return-value]
+
+
+async def until_one_ends(*coroutines: Coroutine[Any, Any, object]) -> None:
+    """Run all coroutines concurrently until one of them ends; then the others are cancelled and awaited.
+
+    Raises the error of the one that ended. Cancellation: all are cancelled.
+    """
+    tasks = [asyncio.ensure_future(one) for one in coroutines]
+    try:
+        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        for task in done:
+            task.result()
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)

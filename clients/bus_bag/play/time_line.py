@@ -20,6 +20,9 @@ class TimeLine:
     Raises ValueError for a rate that `is_rate` refuses.
     """
 
+    RATES = "a rate from 1e-9 to 1e9"
+    """The valid rates in words."""
+
     def __init__(self, bag_ns: int, now_ns: int, rate: float = 1.0, *, is_paused: bool = False) -> None:
         if not self.is_rate(rate):
             raise ValueError(f"a rate of {rate!r}")
@@ -31,7 +34,7 @@ class TimeLine:
 
     @staticmethod
     def is_rate(rate: float) -> bool:
-        """Whether `rate` is valid: a number from 1e-9 to 1e9."""
+        """Whether `rate` is valid: not nan, and in the range."""
         return _LEAST_RATE <= rate <= _MOST_RATE
 
     @property

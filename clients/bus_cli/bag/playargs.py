@@ -130,7 +130,7 @@ def rate(text: str) -> float:
     from bus_bag.play.time_line import TimeLine
 
     if not TimeLine.is_rate(value := positive(text)):
-        raise ArgumentTypeError(f"{text} is not a rate from 1e-9 to 1e9")
+        raise ArgumentTypeError(f"{text} is not {TimeLine.RATES}")
     return value
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import msgspec
 
 from bus.base.counted import counted
+from bus.base.together import until_one_ends
 from bus.base.version import RELEASE
 from bus.errors import BusError
 from bus_ros.cdr import CdrError
@@ -146,22 +147,15 @@ class Session(Watcher):
         self._introduce()
         if self._playing is not None:
             self._playing.begin()
-        tasks: list[asyncio.Task[None]] = []
         try:
             async with self._hub.watching(self):
                 if self._hub.is_lost:
                     self.lost("busd does not answer")
                 elif self._hub.has_looked:
                     self._news.set()
-                work = (self._client.run(), self._advertise(), self._listen())
-                tasks = [self._loop.create_task(one) for one in work]
-                done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-                for task in done:
-                    task.result()
+                await until_one_ends(self._client.run(), self._advertise(), self._listen())
         finally:
-            for task in tasks:
-                task.cancel()
-            await asyncio.gather(*tasks, self._tasks.cancel(), return_exceptions=True)
+            await self._tasks.cancel()
             self._looks.close()
             if self._playing is not None:
                 self._playing.close()
