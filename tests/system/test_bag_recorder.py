@@ -189,10 +189,11 @@ async def test_cancelled(node: bus.Node, bag: Bag) -> None:
     assert bag.metadata.message_count == 0
 
 
-async def test_a_lossless_topic_waits_for_the_disk(node: bus.Node, bag: Bag) -> None:
+@pytest.mark.parametrize("max_cache_size", [1_000_000, 100_000], ids=["roomy", "less_than_a_batch"])
+async def test_a_lossless_topic_waits_for_the_disk(node: bus.Node, bag: Bag, max_cache_size: int) -> None:
     publisher = await node.create_publisher(String, "topic", KEEP_ALL)
     may_write, count = threading.Event(), 3000
-    options = {"overrides": {"/topic": KEEP_ALL}, "max_cache_size": 1_000_000}
+    options = {"overrides": {"/topic": KEEP_ALL}, "max_cache_size": max_cache_size}
     async with recording(bag, wanted=Wanted(topics=frozenset(["/topic"])), **options) as recorder:
         assert recorder.pipeline._thread is not None
 

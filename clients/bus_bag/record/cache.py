@@ -1,7 +1,8 @@
 """Taken messages that wait to be written, by topic. Pure.
 
 If there is no room, the topic with most waiting bytes loses its oldest messages: a camera, not the
-transforms.
+transforms. Messages of lossless topics are never lost here: while the cache is half full, the recorder takes
+no more of them.
 """
 
 from collections import deque
@@ -24,10 +25,12 @@ class _Entry(msgspec.Struct, Generic[T]):
     batch: T | None
     count: int
     bytes: int
+    may_be_lost: bool
 
 
 class Cache(Generic[T]):
     """Batches in the order of arrival, with `limit` bytes in total. A larger batch is accepted alone.
+    Batches that may not be lost are accepted above the limit, too.
 
     `is_circular`: drops the oldest batch of all topics, so the cache keeps the newest batches.
     """
@@ -37,7 +40,11 @@ class Cache(Generic[T]):
         self._is_circular = is_circular
         self._order: deque[_Entry[T]] = deque()
         self._topics: dict[str, deque[_Entry[T]]] = {}
+        """The batches that may be lost."""
         self._bytes_by_topic: dict[str, int] = {}
+        """Their bytes."""
+        self._losable_bytes = 0
+        """Their sum."""
         self.waiting = 0
         """Number of waiting batches. `_order` also has batches that were dropped."""
         self.bytes = 0
@@ -45,19 +52,21 @@ class Cache(Generic[T]):
         self.lost: dict[str, int] = {}
         """Topic -> number of messages dropped here."""
 
-    def put(self, topic: str, batch: T, count: int, size: int) -> None:
+    def put(self, topic: str, batch: T, count: int, size: int, *, may_be_lost: bool = True) -> None:
         """Add a batch of `count` messages with `size` bytes in all. Without room, drop others."""
-        entry = _Entry(topic, batch, count, size)
+        entry = _Entry(topic, batch, count, size, may_be_lost)
         self._order.append(entry)
-        entries = self._topics.get(topic)
-        if entries is None:
-            entries = self._topics[topic] = deque()
-            self._bytes_by_topic[topic] = 0
-        entries.append(entry)
-        self._bytes_by_topic[topic] += size
         self.bytes += size
         self.waiting += 1
-        while self.bytes > self._limit and self.waiting > 1:
+        if may_be_lost:
+            entries = self._topics.get(topic)
+            if entries is None:
+                entries = self._topics[topic] = deque()
+                self._bytes_by_topic[topic] = 0
+            entries.append(entry)
+            self._bytes_by_topic[topic] += size
+            self._losable_bytes += size
+        while self.bytes > self._limit and self.waiting > 1 and self._losable_bytes:
             self._lose()
 
     def take(self) -> tuple[str, T, int]:
@@ -66,8 +75,10 @@ class Cache(Generic[T]):
         while (batch := (entry := self._order.popleft()).batch) is None:
             pass
         topic = entry.topic
-        self._topics[topic].popleft()
-        self._bytes_by_topic[topic] -= entry.bytes
+        if entry.may_be_lost:
+            self._topics[topic].popleft()
+            self._bytes_by_topic[topic] -= entry.bytes
+            self._losable_bytes -= entry.bytes
         self.bytes -= entry.bytes
         self.waiting -= 1
         return topic, batch, entry.count
@@ -91,6 +102,7 @@ class Cache(Generic[T]):
         entry.batch = None
         self.lost[topic] = self.lost.get(topic, 0) + entry.count
         self._bytes_by_topic[topic] -= entry.bytes
+        self._losable_bytes -= entry.bytes
         self.bytes -= entry.bytes
         self.waiting -= 1
         gone = len(self._order) - self.waiting

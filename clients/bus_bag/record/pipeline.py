@@ -168,7 +168,9 @@ class Pipeline:
         if self._thread is None:
             self._output.write(topic, samples, size, is_paused=is_paused)
             return
-        self._cache.put(topic.name, (samples, size, is_paused), len(samples), size)
+        may_be_lost = self._is_snapshot or not topic.is_lossless
+        batch = samples, size, is_paused
+        self._cache.put(topic.name, batch, len(samples), size, may_be_lost=may_be_lost)
 
     def resume(self) -> None:
         """Write the latched messages of the pause; they come first."""

@@ -46,6 +46,19 @@ def test_what_is_larger_than_all_room_has_it_alone() -> None:
     assert (drain(cache), cache.lost) == (["c2"], {"camera": 1})
 
 
+def test_batches_that_may_not_be_lost() -> None:
+    cache: Cache[str] = Cache(100)
+    cache.put("log", "l1", 1, 90, may_be_lost=False)
+    cache.put("tf", "t1", 1, 10)
+    cache.put("log", "l2", 1, 60, may_be_lost=False)
+    assert (cache.bytes, cache.lost) == (150, {"tf": 1})
+    cache.put("camera", "c1", 2, 20)
+    assert cache.lost == {"tf": 1, "camera": 2}, "there is no room before the others are written"
+    assert drain(cache) == ["l1", "l2"]
+    cache.put("camera", "c2", 1, 120)
+    assert drain(cache) == ["c2"], "there is room again"
+
+
 def test_a_circular_one_loses_the_oldest_of_all() -> None:
     cache: Cache[str] = Cache(100, is_circular=True)
     cache.put("tf", "t1", 3, 10)
@@ -68,10 +81,11 @@ _deeds = st.lists(
 )
 
 
-@given(_deeds, st.integers(0, 100), st.booleans())
+@given(_deeds, st.integers(0, 100), st.booleans(), st.sampled_from(["", "c"]))
 def test_nothing_is_lost_without_being_counted(
-    deeds: list[tuple[str, int] | None], limit: int, is_circular: bool
+    deeds: list[tuple[str, int] | None], limit: int, is_circular: bool, lossless: str
 ) -> None:
+    lossless = "" if is_circular else lossless
     cache: Cache[int] = Cache(limit, is_circular=is_circular)
     put, taken = 0, []
     for deed in deeds:
@@ -79,9 +93,10 @@ def test_nothing_is_lost_without_being_counted(
             if cache.waiting:
                 taken.append(cache.take()[1])
         else:
-            cache.put(deed[0], put, 1, deed[1])
+            cache.put(deed[0], put, 1, deed[1], may_be_lost=deed[0] != lossless)
             put += 1
     taken += drain(cache)
     assert taken == sorted(taken)
     assert len(taken) + sum(cache.lost.values()) == put
     assert cache.bytes == 0
+    assert lossless not in cache.lost
