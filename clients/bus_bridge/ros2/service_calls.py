@@ -125,6 +125,8 @@ class CallsToRos:
         self._types = types
         self._publish = publish
         self._tasks: dict[tuple[bytes, int], asyncio.Task[None]] = {}
+        self._entrance = asyncio.Lock()
+        """A call that waits for a server has it, so that no later call goes first."""
         self.client = services.make_client(service, types.type_name, user_data)
 
     @property
@@ -156,7 +158,7 @@ class CallsToRos:
 
     async def _run(self, call: Call, cdr: bytes) -> None:
         try:
-            async with asyncio.timeout(_PATIENCE_S):
+            async with asyncio.timeout(_PATIENCE_S), self._entrance:
                 await self.client.wait_until_ready()
         except TimeoutError:
             self._fail(call, f"no server of {self._service} in ROS 2")

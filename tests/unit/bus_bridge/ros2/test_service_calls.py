@@ -1,5 +1,6 @@
 """Calls between the bus and ROS 2, over two participants of ours: each ends once."""
 
+import asyncio
 from collections.abc import AsyncIterator
 from typing import Any
 
@@ -92,6 +93,29 @@ async def test_a_hundred_calls_from_the_first_moment(world: World) -> None:
     assert len(world.asked) == 100
     assert {*world.senders} == {world.served.server.guids[1]}
     assert (world.calls.waiting, world.served.waiting, world.warnings) == (0, 0, [])
+
+
+async def test_calls_keep_their_order_while_they_wait_for_a_server(world: World) -> None:
+    """The server is there when the second call comes, before the first one has looked again."""
+    begun: list[asyncio.Future[None]] = []
+    real = world.calls.client.wait_until_ready
+
+    async def wait_until_ready() -> None:
+        begun.append(asyncio.get_running_loop().create_future())
+        if len(begun) == 1:
+            await begun[0]
+        await real()
+
+    await until(lambda: world.calls.client.is_ready)
+    world.calls.client.wait_until_ready = wait_until_ready  # type: ignore[method-assign]
+    world.call(1)
+    await until(lambda: begun)
+    world.call(2)
+    for _ in range(5):
+        await asyncio.sleep(0)
+    begun[0].set_result(None)
+    await world.replied(2)
+    assert [request.body.a for request in world.asked] == [1, 2]
 
 
 async def test_a_question_about_a_call(world: World) -> None:
