@@ -102,6 +102,7 @@ def chromium() -> Iterator[Page]:
         options.add_argument(word)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
     running = webdriver.Chrome(options=options, service=webdriver.ChromeService(driver))
+    running.set_script_timeout(WAIT_S)
     try:
         yield Page(running)
     finally:

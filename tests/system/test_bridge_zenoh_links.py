@@ -149,4 +149,4 @@ def test_a_slow_link_holds_up_nobody() -> None:
         began = time.monotonic()
         one.laptop.until(lambda told: told["count"] >= count + 20)
         assert 20 / (time.monotonic() - began) > 4  # 4 messages/s: the link carries 12.5 MB/s
-        assert one.robot.tell()["slowest_s"] < 0.1
+        assert one.robot.tell()["slowest_s"] < 0.5  # the link's queue holds seconds of messages

@@ -49,6 +49,7 @@ def test_hashes_are_those_of_ros(name: str, digits: str) -> None:
 
 
 @pytest.mark.nightly
+@pytest.mark.timeout(1200)
 def test_the_tools_of_ros_compute_these_hashes() -> None:
     if reason := genuine.missing():
         pytest.skip(reason)
