@@ -106,7 +106,7 @@ async def test_calls_keep_their_order_while_they_wait_for_a_server(world: World)
             await begun[0]
         await real()
 
-    await until(lambda: world.calls.client.is_ready)
+    await real()
     world.calls.client.wait_until_ready = wait_until_ready  # type: ignore[method-assign]
     world.call(1)
     await until(lambda: begun)
