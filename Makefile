@@ -29,6 +29,7 @@ PYTEST := PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n $(WORKERS) --dist 
 NATIVE_LOG := tests/native/build/short.log
 ARM_LOG := tests/native/build/arm.log
 ARM_CC := aarch64-linux-gnu-gcc
+ARM_TESTS := $(addprefix tests/system/test_c_client,.py _callbacks.py _deadlines.py _graph.py _services.py)
 
 .DEFAULT_GOAL := help
 
@@ -137,7 +138,7 @@ native: ## the ring's C tests, half a minute or more, a part of `test`; nothing 
 		echo "the ring's C tests passed, see $(NATIVE_LOG)"; \
 	else echo "no gcc: the ring's C tests were left out"; fi
 
-arm: ## the ring's C tests on aarch64, by an emulator; nothing where that or the cross compiler is not there
+arm: $(TOOLS) ## the ring's C tests and the C client on aarch64, by an emulator; nothing where that or the cross compiler is not there
 	@if ! echo '#include <stdlib.h>' | $(ARM_CC) -E - >/dev/null 2>&1; then \
 		echo "no $(ARM_CC) with a C library: the tests for aarch64 were left out"; \
 		echo "(Debian: apt install gcc-aarch64-linux-gnu libc6-dev-arm64-cross)"; \
@@ -146,6 +147,7 @@ arm: ## the ring's C tests on aarch64, by an emulator; nothing where that or the
 	else mkdir -p $(dir $(ARM_LOG)) && $(MAKE) -C tests/native arm >$(ARM_LOG) 2>&1 \
 			|| { cat $(ARM_LOG); exit 1; }; \
 		echo "the ring's C tests passed on aarch64, see $(ARM_LOG)"; \
+		BUSD_TEST_CC=$(ARM_CC) BUSD_TEST_EMULATOR=qemu-aarch64 $(PYTEST) $(ARM_TESTS) $(PYTEST_ARGS); \
 	fi
 
 sanitize: ## the ring as C programs under the sanitizers, and broken on purpose (needs gcc)

@@ -19,8 +19,12 @@ from programs import Program, running_command
 ROOT = Path(__file__).parents[1]
 CLIENT = ROOT / "clients" / "c"
 SOURCES = ROOT / "tests" / "c_client"
-SANITIZE = "-fsanitize=address,undefined -fno-sanitize-recover=undefined"
-FLAGS = ["-Wall", "-Wextra", "-Werror", "-O0", "-g", *SANITIZE.split()]
+COMPILER = os.environ.get("BUSD_TEST_CC", "gcc")
+CPP_COMPILER = COMPILER.replace("gcc", "g++")
+EMULATOR = os.environ.get("BUSD_TEST_EMULATOR", "")
+"""The program that runs the built programs, if the compiler is one for another processor (`make arm`)."""
+SANITIZE = "" if EMULATOR else "-fsanitize=address,undefined -fno-sanitize-recover=undefined"
+FLAGS = ["-Wall", "-Wextra", "-Werror", "-O0", "-g", *("-static" if EMULATOR else SANITIZE).split()]
 MESSAGES = (
     "example_interfaces/srv/AddTwoInts",
     "geometry_msgs/msg/PoseArray",
@@ -33,7 +37,7 @@ MESSAGES = (
 
 def why_not() -> str:
     """Why programs in C can't be built here; "" if they can."""
-    missing = [name for name in ("gcc", "make", "ar") if shutil.which(name) is None]
+    missing = [name for name in (COMPILER, "make", "ar") if shutil.which(name) is None]
     return f"the C client is not tested: no {', '.join(missing)}" if missing else ""
 
 
@@ -58,7 +62,7 @@ def _build(folder: Path) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(header_of(name))
         path.with_suffix(".hpp").write_text(header_of(name, "cpp"))
-    made = (f"BUILD={folder}", f"SANITIZE={SANITIZE}", "CFLAGS=-O0 -g -Werror")
+    made = (f"BUILD={folder}", f"CC={COMPILER}", f"SANITIZE={SANITIZE}", "CFLAGS=-O0 -g -Werror")
     run("make", "-s", "-C", CLIENT, "-j2", *made)
     for name in ("callbacks", "graph", "peer", "repack", "service"):
         compile_c(folder, SOURCES / f"{name}.c", folder / name)
@@ -69,31 +73,28 @@ def _build(folder: Path) -> None:
 
 def why_no_cpp() -> str:
     """Why programs in C++ can't be built here; "" if they can."""
-    return "" if shutil.which("g++") else "the C++ header is not tested: no g++"
+    return "" if shutil.which(CPP_COMPILER) else f"the C++ header is not tested: no {CPP_COMPILER}"
 
 
 def compile_c(folder: Path, source: Path, program: Path, *options: str) -> None:
     """Build a program with the library of `folder`."""
-    includes = [f"-I{CLIENT / 'include'}", f"-I{folder / 'types'}"]
-    run(
-        "gcc",
-        "-std=c11",
-        "-D_GNU_SOURCE",
-        *FLAGS,
-        *options,
-        *includes,
-        "-o",
-        program,
-        source,
-        folder / "libbusd.a",
-    )
+    _compile(folder, source, program, COMPILER, "-std=c11", "-D_GNU_SOURCE", *options)
 
 
 def compile_cpp(folder: Path, source: Path, program: Path, *options: str) -> None:
     """As `compile_c`, in C++17."""
-    includes = [f"-I{CLIENT / 'include'}", f"-I{ROOT / 'clients/cpp/include'}", f"-I{folder / 'types'}"]
-    built = ("-o", program, source, folder / "libbusd.a")
-    run("g++", "-std=c++17", "-Wpedantic", *FLAGS, *options, *includes, *built)
+    words = ("-std=c++17", "-Wpedantic", f"-I{ROOT / 'clients/cpp/include'}", *options)
+    _compile(folder, source, program, CPP_COMPILER, *words)
+
+
+def _compile(folder: Path, source: Path, program: Path, compiler: str, *options: str) -> None:
+    """For an emulator, `program` is a script that runs the built one there."""
+    includes = (f"-I{CLIENT / 'include'}", f"-I{folder / 'types'}")
+    built = program.with_suffix(".built") if EMULATOR else program
+    run(compiler, *FLAGS, *options, *includes, "-o", built, source, folder / "libbusd.a")
+    if EMULATOR:
+        program.write_text(f'#!/bin/sh\nexec {EMULATOR} {built} "$@"\n')
+        program.chmod(0o755)
 
 
 def run(*command: str | Path) -> str:
