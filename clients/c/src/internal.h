@@ -401,6 +401,7 @@ void frame_queue(busd_bus *bus, struct frame *frame);
 void frames_drop(busd_bus *bus);
 void flush(busd_bus *bus);
 int read_more(busd_bus *bus);
+void read_shrink(busd_bus *bus);
 unsigned batch_take(busd_bus *bus, unsigned claimed, int fds[2]);
 
 /* control.c */

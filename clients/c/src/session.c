@@ -97,6 +97,7 @@ void ping_due(busd_bus *bus)
 static void do_ping(busd_bus *bus, int64_t now)
 {
     set_timer(bus, PING, now + beat_ns(bus));
+    read_shrink(bus);
     if (bus->control.first == NULL) /* else that is the sign of life, once busd reads it */
         control_simple(bus, "ping", 0, NULL, NULL);
 }
