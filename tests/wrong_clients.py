@@ -1,4 +1,6 @@
-"""`examples/bare_client.py`, wrong in one way: `python tests/wrong_clients.py WAY ROLE`.
+"""A bare client (`examples/bare_client.py`, `service_clients.py`) that is wrong in one way:
+
+    python tests/wrong_clients.py WAY ROLE
 
 WAYS has each way with the story that finds it, and a part of the text about it.
 """
@@ -10,8 +12,11 @@ import time
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import msgspec
+
 sys.path.insert(0, str(Path(__file__).parents[1] / "examples"))
 from bare_client import FRAME, RECORD, RUN, Client, ConnectionLost, Endpoint
+from service_clients import SUPPORT, Caller, Server
 
 
 class NoHello(Client):
@@ -206,6 +211,71 @@ class NoLastSeqs(Client):
         super().declare()
 
 
+class LateReplies(Server):
+    first = "_request"
+
+
+class OtherNumber(Server):
+    def answer(self, client: bytes, number: int, body: Any) -> None:
+        super().answer(client, 1, body)
+
+
+class NoCallers(Server):
+    def answer(self, client: bytes, number: int, body: Any) -> None:
+        super().answer(b"0123456789abcdef", number, body)
+
+
+class BareReply(Server):
+    def answer(self, client: bytes, number: int, body: Any) -> None:
+        """Without the error."""
+        self.send_sample(self.replies_end, msgspec.msgpack.encode([client, number, [body.a + body.b]]))
+
+
+class NoDenial(Server):
+    def answer_question(self, client: bytes, number: int) -> None:
+        pass
+
+
+class AnswersQuestions(Server):
+    def answer_question(self, client: bytes, number: int) -> None:
+        """A question is a request with defaults."""
+        self.answer(client, number, SUPPORT.request.cls())
+
+
+class LateAnswers(Caller):
+    first = "_request"
+
+
+class OtherGid(Caller):
+    def send_request(self, payload: bytes) -> None:
+        super().send_request(payload.replace(self.requests_end.gid, b"0123456789abcdef"))
+
+
+class AllReplies(Caller):
+    def is_mine(self, client: bytes, number: int) -> bool:
+        return self.waits and number == self.number
+
+
+class NoQuestion(Caller):
+    def ask(self) -> None:
+        pass
+
+
+class OneQuestion(Caller):
+    asked = 0
+
+    def ask(self) -> None:
+        if self.asked != self.number:
+            self.asked = self.number
+            super().ask()
+
+
+class AsksForEver(Caller):
+    def take_sample(self, payload: bytes) -> None:
+        if not self.is_unsure:
+            super().take_sample(payload)
+
+
 class Way(NamedTuple):
     client: type[Client]
     role: str
@@ -259,6 +329,18 @@ WAYS = [
     ),
     Way(WrongPayload, "relay", "real", "sample 1 (91 a9 6d 65"),
     Way(NoLastSeqs, "listen", "restart", "came back with nothing in last_seqs"),
+    Way(LateReplies, "serve", "serve", "created its publisher of replies last"),
+    Way(OtherNumber, "serve", "serve", "/add replied to call 1 of 636f6e66"),
+    Way(NoCallers, "serve", "serve", "/add replied to call 1099511627776 of 3031323334"),
+    Way(BareReply, "serve", "serve", "is no example_interfaces/srv/AddTwoInts_Response"),
+    Way(NoDenial, "serve", "serve", "did not reply to a question about call"),
+    Way(AnswersQuestions, "serve", "serve", "error '' and body 91 00; both must be empty"),
+    Way(LateAnswers, "call", "call", "created its subscription to replies last"),
+    Way(OtherGid, "call", "call", "is of the client 303132333435"),
+    Way(AllReplies, "call", "call", "it did not ask about call 1 of /add after it had lost the connection"),
+    Way(NoQuestion, "call", "call", "it did not ask about call 1 of /add after it had lost the connection"),
+    Way(OneQuestion, "call", "call", "it did not ask again about call 1 of /add"),
+    Way(AsksForEver, "call", "call", "it asked once more about call 1 of /add, which has ended"),
 ]
 
 

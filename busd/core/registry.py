@@ -8,6 +8,7 @@ news of it (`Peer.withheld`): others know of it first.
 
 import logging
 from collections import deque
+from operator import attrgetter
 
 from msgspec import structs
 
@@ -46,6 +47,8 @@ from busd.core.work import ENDPOINT, FRAME, RUNS_AT_ONCE, RUNS_PER_UNIT, UNMATCH
 
 _GID_BYTES = 16
 _MAX_TYPE_NAME = 255
+_IS_TAP = attrgetter("is_tap")
+_IS_OF_TAP = attrgetter("subscription.is_tap")
 _OF_EVERY_NODE = frozenset({"/rosout", "/parameter_events"})
 """No program chooses their depth, nor the depth of parameter services: a lower limit caps it instead of
 refusing.
@@ -170,7 +173,9 @@ class Registry:
             lost = f"{node.full_name} shares no memory on '{message.topic}': its ring was lost"
             out.append(Note(logging.WARNING, lost))
         subscriptions = topic.subscriptions
-        there = tuple(subscriptions.values())  # a pair is matched by the endpoint that comes later, once
+        # A pair is matched by the endpoint that comes later, once. Taps come last: when a bridge learns of a
+        # tap's match, it may find samples in the ring. It drops them without the match of a mirror.
+        there = sorted(subscriptions.values(), key=_IS_TAP)
         self._graph.add_endpoint(publisher)
         self._absentees.come(publisher)
         out.append(Send(peer.id, self._created(message.request, publisher, depth)))
@@ -259,7 +264,8 @@ class Registry:
             endpoint.has_left = not is_lost
             gap = 0 if is_lost else endpoint.conclude()
             self._absentees.go(endpoint)
-            for match in tuple(endpoint.matches.values()):
+            # Taps first: a bridge keeps what waits of a publisher that has no match with its tap any more.
+            for match in sorted(endpoint.matches.values(), key=_IS_OF_TAP, reverse=True):
                 if not match.has_ended:
                     self._router.settle(now_ns, match)
                     if is_lost:

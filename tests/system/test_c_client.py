@@ -1,6 +1,7 @@
 """`clients/c` on a real busd: a peer in C at one end, and the library's node at the other, by both routes."""
 
 import asyncio
+import mmap
 import signal
 from pathlib import Path
 
@@ -13,8 +14,9 @@ from bus.msg.std_msgs import String
 from bus.shm import segments
 from c_programs import peer
 from conftest import Daemon
+from neighbours import with_limits
 from programs import running_command
-from semantics import KEEP_ALL, LATCHED, node
+from semantics import KEEP_ALL, LATCHED, node, until
 
 __all__ = ["node"]
 
@@ -34,6 +36,12 @@ def text(number: int, size: int = 0) -> String:
 
 def numbers(messages: list[String]) -> list[int]:
     return [int(message.data.split()[0]) for message in messages]
+
+
+def memory_bytes(pid: int) -> int:
+    """The resident memory of a process."""
+    pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
+    return pages * mmap.PAGESIZE
 
 
 async def receive(subscription: bus.Subscription[String], count: int) -> list[String]:
@@ -394,3 +402,24 @@ async def test_a_message_with_the_time_of_its_source(
         publisher.publish_encoded(b"\x91\xa27 ", source_time_ns=1_700_000_000_000_000_000)
         await peer.line(f"^7 2 {route}$")
         await peer.finish()
+
+
+@with_limits(lease_s=1)
+async def test_the_memory_of_a_large_message_is_given_back(
+    node: bus.Node, programs: Path, tmp_path: Path
+) -> None:
+    """By socket it is received into memory of the connection, which keeps 1 MiB of it."""
+    variables = {"BUS_ROUTE": "socket", "ASAN_OPTIONS": "quarantine_size_mb=0"}
+    async with peer(programs, tmp_path, "listen", "/t", **variables) as listener:
+        publisher = await node.create_publisher(String, "/t")
+        await publisher.wait_for_subscriptions()
+        publisher.publish(text(0))
+        await listener.line("^0 ")
+        pid = listener.program.process.pid
+        before = memory_bytes(pid)
+        publisher.publish(text(1, 32 * LONG))
+        await listener.line("^1 ")
+        await until(lambda: memory_bytes(pid) < before + 8 * LONG)
+        publisher.publish(text(2, 4 * LONG))
+        await listener.line("^2 ")
+        await listener.finish()

@@ -41,7 +41,9 @@ def programs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 async def test_it_passes_every_story(programs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("BUSD_AUTOSTART", "0")
     relay = [str(programs / "peer"), "relay", "/conformance/in", "/conformance/out"]
-    outcomes = {story: (await outcome(story, relay, SOON_S))[:2] for story in STORIES}
+    service = str(programs / "service")
+    others = {"serve": [service, "serve", "/add"], "call": [service, "call", "/add", "1", "2", "3"]}
+    outcomes = {story: (await outcome(story, others.get(story, relay), SOON_S))[:2] for story in STORIES}
     assert {mark for mark, _ in outcomes.values()} == {"ok"}, outcomes
     assert outcomes["real"][1] == "3 samples returned by shm and shm; the same after a kill of busd"
 

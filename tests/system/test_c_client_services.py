@@ -13,7 +13,7 @@ from bus.srv.example_interfaces import AddTwoInts
 from bus.types.classes import message_class, service_class
 from conftest import Daemon
 from programs import running_command
-from semantics import forget_calls, node
+from semantics import forget_calls, node, until
 
 __all__ = ["node"]
 
@@ -152,6 +152,28 @@ async def test_a_client_in_c_asks_again_about_a_call(
         daemon.restart()
         await client.line("^answer -32: the request or the answer was lost")
         assert await client.end() == 0
+
+
+async def test_a_newer_server_does_not_know_a_call_of_a_client_in_c(
+    node: bus.Node, programs: Path, tmp_path: Path, route: str
+) -> None:
+    """The server that has the call leaves: the newer one says that it does not work on it."""
+    asked = asyncio.Event()
+    one = await node.create_service(AddTwoInts, "/add", on_request=lambda *_: asked.set())
+    async with (
+        running_command(tmp_path, programs / "service", "call", "/add", "1") as client,
+        bus.Node("two", arguments=[]) as other,
+    ):
+        await asked.wait()
+        requests: list[AddTwoInts.Request] = []
+        two = await other.create_service(
+            AddTwoInts, "/add", on_request=lambda request, _: requests.append(request)
+        )
+        await until(lambda: two.statistics().clients)
+        await one.close()
+        await client.line("^answer -32: the request or the answer was lost")
+        assert await client.end() == 0
+        assert not requests
 
 
 async def test_calls_survive_a_kill_of_busd(

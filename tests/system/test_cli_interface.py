@@ -1,5 +1,6 @@
 """`bus interface` as users run it, in the words of `ros2 interface`; and types that only exist in a file."""
 
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -313,3 +314,24 @@ def test_cpp_is_a_header_with_namespaces(tmp_path: Path) -> None:
     assert "    using Request = ::demo::srv::Turn_Request;" in bus("interface", "cpp", "demo/srv/Turn").out
     result = bus("interface", "cpp", "-o", str(tmp_path), "Spoke")
     assert (result.out, result.code) == (f"{tmp_path}/demo/msg/Spoke.hpp\n", 0)
+
+
+@pytest.mark.skipif(bool(c_programs.why_not() or c_programs.why_no_cpp()), reason="no gcc or g++")
+@pytest.mark.parametrize("first", ["c", "cpp"])
+@pytest.mark.parametrize("second_type", ["Wheel", "Spoke"])
+def test_a_source_has_a_type_in_c_or_in_cpp(tmp_path: Path, first: str, second_type: str) -> None:
+    """Also a type inside of another: a Wheel has Spokes."""
+    second = "cpp" if first == "c" else "c"
+    texts = (
+        bus("interface", first, "demo/msg/Wheel").out,
+        bus("interface", second, f"demo/msg/{second_type}").out,
+    )
+    source = tmp_path / "both.cpp"
+    for text, errors in ((texts[0] * 2, []), ("".join(texts), [f"demo/msg/{second_type}"])):
+        source.write_text(text)
+        command = ("g++", "-std=c++17", "-Wall", "-Werror", "-fsyntax-only", *INCLUDES, source)
+        done = subprocess.run([*map(str, command)], capture_output=True, text=True, check=False)
+        assert (done.returncode != 0) is bool(errors), done.stderr
+        for name in errors:
+            reason = f"{name} is already here for 'bus interface {first}'; a source has it for C or for C++"
+            assert f'error: #error "{reason}"' in done.stderr

@@ -20,6 +20,8 @@ from wrong_clients import WAYS
 TESTS = Path(__file__).parents[1]
 BARE = (sys.executable, str(EXAMPLES / "bare_client.py"))
 WRONG = (sys.executable, str(TESTS / "wrong_clients.py"))
+RIGHT = {story: [sys.executable, str(TESTS / "service_clients.py"), story] for story in ("serve", "call")}
+"""The clients for the stories about services."""
 AT_ONCE = 4
 
 
@@ -42,13 +44,15 @@ async def play(stories: list[tuple[str, list[str]]]) -> list[tuple[str, str]]:
 
 @on_one_loop
 async def test_a_right_client_passes_every_story() -> None:
-    played = [(story, [*BARE, "relay"]) for story in STORIES]
+    played = [(story, RIGHT.get(story, [*BARE, "relay"])) for story in STORIES]
     outcomes = dict(zip(STORIES, await play(played), strict=True))
     assert {text for mark, text in outcomes.values() if mark != "ok"} == set()
     assert outcomes["subscribe"][1] == "/conformance/in: 3 samples returned on /conformance/out"
     declared = "node /bare_relay, subscription 42 on /conformance/in (std_msgs/msg/String), publisher 44 on "
     assert outcomes["declare"][1].startswith(declared)
     assert outcomes["restart"][1] == "connected and declared again, 2 endpoints with the same gids"
+    assert outcomes["serve"][1] == "/add: 2 calls answered, 2 questions too"
+    assert outcomes["call"][1] == "/add: asked about call 1 until it knew that the call was lost"
 
 
 @on_one_loop
@@ -59,6 +63,10 @@ async def test_stories_without_an_occasion_are_left_out() -> None:
         ("-", "left out: it has no subscription"),
         ("-", "left out: it has no publisher"),
         ("ok", "/topic: 3 samples sent"),
+    ]
+    assert await play([(story, [*BARE, "talk"]) for story in RIGHT]) == [
+        ("-", "left out: it serves no service"),
+        ("-", "left out: it is no client of a service"),
     ]
 
 
@@ -72,7 +80,7 @@ async def test_the_library_itself_passes() -> None:
     ]
     outcomes = await play(played)
     assert [text for mark, text in outcomes if mark == "fail"] == []
-    assert [mark for mark, _ in outcomes].count("-") == 2
+    assert [mark for mark, _ in outcomes].count("-") == 2 + 2 * len(RIGHT)
 
 
 @pytest.mark.landing

@@ -60,6 +60,7 @@ class Dispatcher(Generic[M]):
         self._on_slow = on_slow or _ignore
         self._slow_option = on_slow
         self._wants_info = takes_info(callback)
+        self._is_timed = is_timed
         self._port = port
         self._has_ended = False
         self._calls = _Calls() if receiver.reader is None else receiver.reader
@@ -78,10 +79,15 @@ class Dispatcher(Generic[M]):
         return self._cancel is not None
 
     def replace_callback(self, callback: Callable[..., Any]) -> None:
-        """Call `callback` from the next turn on: a function of the same kind."""
+        """Call `callback` from the next turn on. Both are coroutine functions, or none is."""
         self._callback = callback
-        if self.is_plain and self._receiver.reader is not None:
-            self._receiver.call_back(callback, self._on_error, on_slow=self._slow_option)
+        self._wants_info = takes_info(callback)
+        self.is_plain = self._cancel is None and not self._wants_info and not self._is_timed
+        if self._receiver.reader is not None:
+            if self.is_plain:
+                self._receiver.call_back(callback, self._on_error, on_slow=self._slow_option)
+            else:
+                self._receiver.reader.forget_callback()
 
     def end(self) -> None:
         """Stop calling back."""

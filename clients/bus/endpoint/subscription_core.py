@@ -169,6 +169,15 @@ class SubscriptionCore(EndpointCore[M]):
             self.acks.catch_up(publisher_gid)
         self.link.soon(self.wake)
 
+    def replace_callback(self, callback: Callable[..., Any]) -> None:
+        """As `Dispatcher.replace_callback`; only with a dispatcher."""
+        assert self.dispatcher is not None
+        self.dispatcher.replace_callback(callback)
+        if self.dispatcher.is_plain:
+            self.receive_lone = self.dispatcher.deliver
+        else:
+            self.__dict__.pop("receive_lone", None)
+
     async def receive(self) -> tuple[M, MessageInfo]:
         """For callbacks that are coroutine functions: as `Subscription.receive`."""
         while (taken := self.receiver.take()) is None:

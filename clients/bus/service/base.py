@@ -81,14 +81,18 @@ class ServiceBase:
         )
 
     def _make_subscription(
-        self, topic: str, support: TypeSupport[Any], callback: Callable[[Any], object]
+        self,
+        topic: str,
+        support: TypeSupport[Any],
+        callback: Callable[[Any], object],
+        matched: Callable[[MatchedChange], object] | None = None,
     ) -> Subscription[Any]:
         subscription: Subscription[Any] = Subscription(
             self._node,
             topic,
             support,
             keeping_all(self.qos),
-            SubscriptionEvents(**self._warnings(topic)),
+            SubscriptionEvents(matched=matched, **self._warnings(topic)),
             callback,
         )
         core_of(subscription).on_end = self._end

@@ -18,6 +18,7 @@ from bus.delivery.port import RETURN_S
 from bus.diagnostics.provoked import warn
 from bus.endpoint.core import EndpointCore, NodeContext
 from bus.endpoint.endpoint import core_of
+from bus.endpoint.subscription_core import MessageInfo, SubscriptionCore
 from bus.errors import BusError, LocalProtocolError, ServiceError, ServiceUnavailable, again
 from bus.events import MatchedChange
 from bus.names import reply_topic, request_topic
@@ -83,11 +84,13 @@ class CallLost(ServiceUnavailable):
 class _Call:
     """A pending call: its servers, and the function for its answer."""
 
-    __slots__ = ("asked", "deliver", "is_doubtful", "is_lost", "looks", "looks_left")
+    __slots__ = ("asked", "deliver", "denied", "is_doubtful", "is_lost", "looks", "looks_left")
 
     def __init__(self, asked: frozenset[bytes], deliver: Callable[[int, Any], object]) -> None:
         self.asked = asked
         self.deliver = deliver
+        self.denied: set[bytes] = set()
+        """Gids of the publishers of replies whose servers do not work on it."""
         self.is_lost = False
         self.is_doubtful = False
         """The client must ask the server whether it knows the call: busd has ended since, or was away, or a
@@ -133,6 +136,8 @@ class ServiceClient(ServiceBase):
         self._servers: frozenset[bytes] = frozenset()
         self._is_bridged = False
         """Whether a server is on another bus."""
+        self._has_one_replier = True
+        """False with several servers: then a reply is taken with its info, to know its publisher."""
         self._grace: asyncio.TimerHandle | None = None
         self._doubts: asyncio.TimerHandle | None = None
         self._back_ns = 0
@@ -144,8 +149,9 @@ class ServiceClient(ServiceBase):
         self._requests_core = core_of(self._requests)
         self._gid = self._requests.gid
         self._replies = self._make_subscription(
-            reply_topic(service), self._support.replies(self._gid), self._take
+            reply_topic(service), self._support.replies(self._gid), self._take, self._on_replier
         )
+        self._replies_core: SubscriptionCore[Any] = core_of(self._replies)
 
     @property
     def _endpoints(self) -> tuple[EndpointCore[Any], EndpointCore[Any]]:
@@ -260,10 +266,43 @@ class ServiceClient(ServiceBase):
 
     def _take(self, reply: Reply) -> None:
         if reply.client == self._gid:
-            outcome = ServiceError(self.service_name, reply.error) if reply.error else reply.body
-            if outcome is None:
-                outcome = CallLost(self.service_name, is_bridged=self._is_bridged)
-            self._settle(reply.number, outcome)
+            if reply.error:
+                self._settle(reply.number, ServiceError(self.service_name, reply.error))
+            elif reply.body is not None:
+                self._settle(reply.number, reply.body)
+            else:
+                repliers = self._repliers
+                self._deny(reply.number, next(iter(repliers)) if len(repliers) == 1 else b"")
+
+    def _take_from_one(self, reply: Reply, info: MessageInfo) -> None:
+        """As `_take`, with several servers. It costs more."""
+        if reply.client == self._gid and not reply.error and reply.body is None:
+            self._deny(reply.number, info.publisher_gid)
+        else:
+            self._take(reply)
+
+    def _deny(self, number: int, replier: bytes) -> None:
+        """A server does not work on a call. If no server does, the call is lost."""
+        call = self._calls.get(number)
+        if call is None:
+            return
+        call.denied.add(replier)
+        repliers = self._repliers
+        # A server's publisher of replies may come later than its subscription, or never, with another QoS.
+        are_all_known = len(repliers) >= len(self._servers) or call.looks >= _MOST_LOOKS
+        if repliers <= call.denied and are_all_known:
+            self._settle(number, CallLost(self.service_name, is_bridged=self._is_bridged))
+
+    @property
+    def _repliers(self) -> frozenset[bytes]:
+        """Gids of the servers' publishers of replies."""
+        return frozenset(one.gid for one in self._replies_core.matches.values())
+
+    def _on_replier(self, change: MatchedChange) -> None:
+        is_one = len(self._replies_core.matches) < 2
+        if is_one is not self._has_one_replier:
+            self._has_one_replier = is_one
+            self._replies_core.replace_callback(self._take if is_one else self._take_from_one)
 
     def _settle(self, number: int, outcome: Any) -> None:
         call = self._calls.pop(number, None)
@@ -307,7 +346,7 @@ class ServiceClient(ServiceBase):
         """Fail calls whose servers have left: they get no answer any more."""
         self._grace = None
         while (taken := self._replies.take()) is not None:
-            self._take(taken[0])
+            self._take_from_one(*taken)
         reason = ServiceUnavailable(self.service_name, "it has left before it answered")
         self._fail([number for number, call in tuple(self._calls.items()) if call.is_lost], reason)
 
@@ -330,13 +369,13 @@ class ServiceClient(ServiceBase):
             self._doubts = self._loop.call_later(_LOOK_S, self._check_doubts)
 
     def _ask(self, *, is_new: bool) -> None:
-        """Ask the returned server about the state of doubtful calls; `is_new`: it has come just now.
+        """Ask the servers about the state of doubtful calls; `is_new`: one has come just now.
 
-        Its answer comes after its earlier answers. A server that still works on a call does not answer, and
-        a bridge may lose the question or the answer while it connects: so the client asks again, after one
-        look, two, four and so on. With several servers, one server's state says nothing about the others.
+        A server's answer comes after its earlier answers. A server that still works on a call does not
+        answer, and a bridge may lose the question or the answer: so the client asks again, after one look,
+        two, four and so on. Each of several servers gets the question.
         """
-        if len(self._servers) != 1:
+        if not self._servers:
             return
         for number, call in tuple(self._calls.items()):
             if not call.is_doubtful or not call.asked <= self._servers:
@@ -346,7 +385,9 @@ class ServiceClient(ServiceBase):
                 continue
             if self._requests.publish_encoded(self._support.encode_question(self._gid, number)):
                 call.looks = call.looks_left = min(2 * call.looks or 1, _MOST_LOOKS)
-            call.asked = self._servers  # a call from the time without busd was for unknown servers
+            call.asked = (
+                call.asked or self._servers
+            )  # a call from the time without busd was for unknown servers
 
     def _give_up_absent(self) -> None:
         """Fail calls whose server is not back by now."""

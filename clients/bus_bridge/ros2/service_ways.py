@@ -182,12 +182,16 @@ class ServiceWays:
         )
 
     def _deliver_reason(self, topic: str, payload: bytes) -> None:
-        """Deliver a message that says why there is no answer: any route of that topic brings it."""
-        reader = next((one for one in self._readers.values() if one.endpoint.topic == topic), None)
-        if reader is None:
+        """Deliver a message that says why there is no answer.
+
+        All routes of that topic bring it: it speaks for all servers, and a client with several gives up a
+        call only after each has denied it.
+        """
+        readers = [one.endpoint.gid for one in self._readers.values() if one.endpoint.topic == topic]
+        if not readers:
             self._reasons.put(topic, (payload, time.time_ns()))
-        else:
-            self._deliver(reader.endpoint.gid, payload)
+        for gid in readers:
+            self._deliver(gid, payload)
 
     def _deliver(self, writer: bytes, payload: bytes) -> None:
         time_ns = time.time_ns()

@@ -4,7 +4,7 @@ Pure: it gets the description of a type, and returns text. The header needs `bus
 in C++ `busd/types.hpp` of `clients/cpp`. Encoded messages are the same as the library's, byte for byte.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple, TypeAlias
 
 from bus_cli.interface.c_fields import (
@@ -83,20 +83,30 @@ def _macros(kind: str, name: str, language: Language) -> Iterator[str]:
 
 def _guarded(name: str, lines: Sequence[str], language: Language) -> str:
     guard = f"BUSD_HEADER_{c_name(name)}"
+    include = "#include <busd/types.h>" if language is C else "#include <busd/types.hpp>"
     first = f"/* {name}, made by `bus interface {language.name}`. */"
     return "\n".join(
         [
             first,
-            f"#ifndef {guard}",
-            f"#define {guard}",
-            "",
-            "#include <busd/types.h>" if language is C else "#include <busd/types.hpp>",
-            "",
-            *lines,
-            "#endif",
+            *_once(guard, name, language, ["", include, "", *lines]),
             "",
         ]
     )
+
+
+def _once(macro: str, name: str, language: Language, lines: Iterable[str]) -> Iterator[str]:
+    """Lines that a source gets once; an error if it has those for the other language already.
+
+    Both languages have the same names of functions.
+    """
+    number, other = (1, "cpp") if language is C else (2, "c")
+    yield f"#if defined {macro} && {macro} != {number}"
+    yield f"#error \"{name} is already here for 'bus interface {other}'; a source has it for C or for C++\""
+    yield "#endif"
+    yield f"#ifndef {macro}"
+    yield f"#define {macro} {number}"
+    yield from lines
+    yield "#endif"
 
 
 def _structs(description: Mapping[str, Any], constants: Constants, language: Language) -> list[str]:
@@ -104,7 +114,15 @@ def _structs(description: Mapping[str, Any], constants: Constants, language: Lan
     return [
         line
         for name in _in_order(types, description["root"])
-        for line in (*_struct(name, types[name], constants.get(name, ()), language), "")
+        for line in (
+            *_once(
+                f"BUSD_TYPE_{c_name(name)}",
+                name,
+                language,
+                _struct(name, types[name], constants.get(name, ()), language),
+            ),
+            "",
+        )
     ]
 
 
@@ -139,8 +157,6 @@ def _struct(
     if not description.get("array"):
         raise UnsupportedType(f"{name} is a map, and not an array of its fields; it has no form in C")
     forms = [(member(field["name"]), form(name, field, language), field.get("default")) for field in fields]
-    yield f"#ifndef BUSD_TYPE_{struct}"
-    yield f"#define BUSD_TYPE_{struct}"
     members = [f"    {language.declaration(how, field, default)}" for field, how, default in forms]
     values = [constant(name, *one, language) for one in constants]
     if language is C:
@@ -176,7 +192,6 @@ def _struct(
     for field, how, _ in forms:
         yield f"    {how.get.format(x=f'm->{field}', i='i')}"
     yield "}"
-    yield "#endif"
 
 
 def _in_namespace(name: str, members: Sequence[str]) -> Iterator[str]:

@@ -14,6 +14,7 @@
 #include "stream.h"
 
 #define READ_BYTES 65536u
+#define KEPT_BYTES (1u << 20) /* of memory for received bytes, if there are none */
 
 /* --- control messages to busd */
 
@@ -311,6 +312,16 @@ static bool make_room(busd_bus *bus)
     bus->in = in;
     bus->in_room = room;
     return true;
+}
+
+/* Gives the memory of a large message back. Called now and then: a stream of them must not pay for it each time. */
+void read_shrink(busd_bus *bus)
+{
+    if (bus->in_room <= KEPT_BYTES || bus->in_begin != bus->in_end)
+        return;
+    free(bus->in);
+    bus->in = NULL;
+    bus->in_begin = bus->in_end = bus->in_room = 0;
 }
 
 /* Reads once from the socket. 1: bytes came; 0: none now; or -errno, -ECONNRESET at the end. */

@@ -171,6 +171,7 @@ struct match {
     uint64_t other, key, hold, depth;
     struct process *process; /* of its gate; NULL: none */
     bool is_by_ring, is_by_socket, is_lossless, is_tap, is_silent;
+    bool is_bridged;         /* its subscription is on another bus, and a tap takes the samples */
     bool is_stale;           /* busd is away, or is back and has not made it again */
     bool is_over, is_lost;   /* over: its gate stays while anything is pinned. Lost: until its process ends */
 };
@@ -257,7 +258,13 @@ struct call {
     busd_call id;
     busd_answer *answer;
     void *user;
-    bool is_unsure; /* the connection was lost meanwhile */
+    /* of a client */
+    bool is_unsure;         /* the request or the answer may be lost: the servers are asked */
+    bool is_lost;           /* its servers have left */
+    int64_t ask_ns;         /* the time of the next question; 0: now */
+    int64_t pause_ns;       /* between the last question and the next one; 0: none yet */
+    unsigned char (*denied)[16]; /* gids of the publishers of replies that do not work on it */
+    size_t denied_count;
 };
 
 struct service {
@@ -266,6 +273,8 @@ struct service {
     busd_publisher *publisher;
     busd_subscription *subscription;
     struct call *calls;
+    size_t call_count;
+    int64_t give_up_ns; /* of a client: then calls that are lost end; 0: none is */
     bool is_client, is_closed;
 };
 
@@ -331,7 +340,7 @@ struct busd_bus {
     bool is_blocked; /* the socket takes no more at the moment */
     int turns;       /* inside of calls that may call back */
     int waits;       /* inside of busd_publisher_wait(), which uses the publisher after the turn */
-    int64_t lease_ns, at[TIMERS], timer_at, retry_ns, question_ns;
+    int64_t lease_ns, at[TIMERS], timer_at, retry_ns;
     unsigned char *in;
     size_t in_begin, in_end, in_room;
     struct batch batches[MOST_BATCHES];
@@ -394,6 +403,7 @@ void frame_queue(busd_bus *bus, struct frame *frame);
 void frames_drop(busd_bus *bus);
 void flush(busd_bus *bus);
 int read_more(busd_bus *bus);
+void read_shrink(busd_bus *bus);
 unsigned batch_take(busd_bus *bus, unsigned claimed, int fds[2]);
 
 /* control.c */
@@ -495,7 +505,7 @@ void publisher_free(busd_publisher *publisher);
 void services_close(busd_node *node);
 void services_matched(busd_publisher *publisher, bool has_come);
 void services_lost(busd_bus *bus);
-void services_ask(busd_bus *bus, int64_t now);
+void services_look(busd_bus *bus, int64_t now);
 void service_free(struct service *service);
 
 /* deadlines.c */

@@ -131,12 +131,17 @@ static void match_end(busd_publisher *p, struct match *m, bool is_lost)
 /* Ends matches that the next busd has not made again in time. */
 void matches_drop_stale(busd_publisher *p)
 {
-    for (struct match *m = p->matches; m != NULL; m = m->next)
-        if (m->is_stale && !m->is_over)
-            match_end(p, m, true);
+    bool has_ended = false;
+    for (struct match *m = p->matches; m != NULL; m = m->next) {
+        if (!m->is_stale || m->is_over)
+            continue;
+        match_end(p, m, true);
+        has_ended = true;
+    }
     matches_sweep(p);
     room_set_hold(p);
-    services_matched(p, false);
+    if (has_ended)
+        services_matched(p, false);
 }
 
 void matches_free(busd_publisher *p)
@@ -184,7 +189,8 @@ void publisher_matched(busd_publisher *p, busd_in body, busd_in qos, const unsig
     m->is_stale = false;
     m->is_tap = busd_find_number(body, "is_tap", 0) != 0;
     m->is_by_ring = busd_find_is(body, "route", "shm") && p->fd >= 0;
-    m->is_by_socket = !m->is_by_ring && !busd_find_is(body, "route", "bridge");
+    m->is_bridged = busd_find_is(body, "route", "bridge");
+    m->is_by_socket = !m->is_by_ring && !m->is_bridged;
     m->depth = keeps_all ? 0 : busd_find_number(qos, "depth", 10);
     m->is_silent = false;
     m->is_lossless = m->is_by_ring && keeps_all && !busd_find_is(qos, "reliability", "best_effort");
@@ -196,10 +202,11 @@ void publisher_matched(busd_publisher *p, busd_in body, busd_in qos, const unsig
         stream_match(p, at_ns);
     }
     room_set_hold(p);
-    if (m->is_by_socket)
-        services_matched(p, true);
-    if (!m->is_tap && m->is_by_socket) /* by ring, a match begins to work with Attached */
-        tell(p->end.node->bus, BUSD_MATCHED, &p->end, "%s has a subscription by socket", p->end.topic);
+    if (m->is_by_ring || m->is_tap) /* by ring, it begins to work with Attached; a tap is no server */
+        return;
+    const char *place = m->is_bridged ? "on another bus" : "by socket";
+    services_matched(p, true);
+    tell(p->end.node->bus, BUSD_MATCHED, &p->end, "%s has a subscription %s", p->end.topic, place);
 }
 
 /* Returns the fault because of which the match can't share memory; NULL: it has a gate. */
@@ -231,8 +238,10 @@ const char *publisher_attached(busd_publisher *p, busd_in body, int fds[2], unsi
         process_drop(bus, before);
     room_set_hold(p);
     ring_doorbells(p, true);
+    if (m->is_tap)
+        return NULL; /* it is no server */
     services_matched(p, true);
-    if (!m->is_tap && before == NULL)
+    if (before == NULL)
         tell(bus, BUSD_MATCHED, &p->end, "%s has a subscription by shared memory", p->end.topic);
     return NULL;
 }

@@ -110,7 +110,8 @@ void busd_publisher_stats(const busd_publisher *p, busd_stats *stats)
         stats->queued = p->end.qos.depth;
     }
     for (const struct match *m = p->matches; m != NULL; m = m->next) {
-        const bool counts = !m->is_over && !m->is_tap && (m->is_by_ring ? m->process != NULL : m->is_by_socket);
+        const bool is_there = m->is_by_ring ? m->process != NULL : m->is_by_socket || m->is_bridged;
+        const bool counts = !m->is_over && !m->is_tap && is_there;
         stats->matches += counts;
         stats->by_ring += counts && m->is_by_ring;
     }

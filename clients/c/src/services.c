@@ -1,9 +1,9 @@
 /* Services: calls with one answer, over two topics. docs/services.md: "On the bus".
  *
- * A call at its client is pending until its answer, or until no server is left. At its server it is open until the
- * reply. A client that has lost its connection asks the server about each pending call; a server that does not know
- * the call says so, and the call has failed. A bridge can lose the question, so the client asks again after 1, 2, 4 and so
- * on up to 16 seconds.
+ * A call at its client is pending until its answer, or until its servers have left. At its server it is open until the
+ * reply. A request or an answer can be lost with the connection, or by a bridge. Then the client asks the servers about the
+ * call. A server that does not work on it says so; once all have said so, the call has failed. A bridge can lose the
+ * question, too, so the client asks again after 1, 2, 4 and so on up to 16 seconds.
  */
 #include <stdio.h>
 #include <stdlib.h>
@@ -11,7 +11,12 @@
 #include "internal.h"
 
 #define HEAD_ROOM 64u /* of an envelope, without its texts and body */
-#define MOST_PAUSE_NS (16 * SECOND_NS) /* between two questions */
+#define FIRST_PAUSE_NS (2 * SECOND_NS)   /* until the first question about a call over a bridge: most answers come sooner */
+#define MOST_PAUSE_NS (16 * SECOND_NS)  /* between two questions */
+#define LEAST_PAUSE_NS (SECOND_NS / 4)  /* between two looks at all calls */
+#define GRACE_NS (SECOND_NS / 2)        /* the report that a server has left may overtake its last answer */
+#define MOST_PENDING 1000u              /* calls of a client */
+#define MOST_OPEN 10000u                /* calls of a server */
 
 static const unsigned char nil = 0xc0;
 
@@ -86,7 +91,14 @@ static struct call *call_add(struct service *service, const busd_call *id)
     call->id = *id;
     call->next = service->calls;
     service->calls = call;
+    service->call_count++;
     return call;
+}
+
+static void call_free(struct call *call)
+{
+    free(call->denied);
+    free(call);
 }
 
 /* Takes a call out of the list. */
@@ -97,9 +109,10 @@ static struct call call_end(struct service *service, struct call *call)
         if (*at != call)
             continue;
         *at = call->next;
+        service->call_count--;
         break;
     }
-    free(call);
+    call_free(call);
     return ended;
 }
 
@@ -144,10 +157,11 @@ static void end_calls(struct service *service, int status, const char *error)
 {
     struct call *call = service->calls;
     service->calls = NULL; /* an answer may begin another call */
+    service->call_count = 0;
     while (call != NULL) {
         struct call *next = call->next;
         call->answer(call->user, status, error, NULL);
-        free(call);
+        call_free(call);
         call = next;
     }
 }
@@ -195,6 +209,12 @@ static void hear_request(void *user, const busd_message *taken)
         if (call_find(&server->service, &envelope.call) == NULL)
             envelope_publish(server->service.publisher, &envelope.call, "", &nil, 1);
         return;
+    }
+    if (server->service.call_count >= MOST_OPEN) { /* forget the oldest: it counts as lost */
+        struct call *oldest = server->service.calls;
+        while (oldest->next != NULL)
+            oldest = oldest->next;
+        call_end(&server->service, oldest);
     }
     if (call_add(&server->service, &envelope.call) == NULL)
         envelope_publish(server->service.publisher, &envelope.call, "the server has no memory", &nil, 1);
@@ -253,6 +273,36 @@ static void answer(struct service *service, struct call *call, int status, const
     ended.answer(ended.user, status, error, response);
 }
 
+static bool has_denied(const struct call *call, const struct source *source)
+{
+    for (size_t i = 0; i < call->denied_count; i++)
+        if (memcmp(call->denied[i], source->gid, sizeof source->gid) == 0)
+            return true;
+    return false;
+}
+
+/* A server does not work on the call. Returns whether none does: then it is lost. */
+static bool deny(struct service *service, struct call *call, const struct source *from)
+{
+    size_t known = 0, left = 0;
+    if (from != NULL && !has_denied(call, from)) {
+        unsigned char(*denied)[16] = realloc(call->denied, (call->denied_count + 1) * sizeof *denied);
+        if (denied == NULL)
+            return false; /* it says so again after the next question */
+        call->denied = denied;
+        memcpy(denied[call->denied_count++], from->gid, sizeof from->gid);
+    }
+    for (const struct source *source = service->subscription->sources; source != NULL; source = source->next) {
+        if (source->is_gone || source->is_stale)
+            continue;
+        known++;
+        left += !has_denied(call, source);
+    }
+    /* A server's publisher of replies may come later than its subscription, or never, with another QoS. */
+    const bool are_all_known = known >= (size_t)busd_publisher_matches(service->publisher);
+    return left == 0 && (are_all_known || call->pause_ns >= MOST_PAUSE_NS);
+}
+
 static void hear_reply(void *user, const busd_message *taken)
 {
     busd_client *client = user;
@@ -267,7 +317,8 @@ static void hear_reply(void *user, const busd_message *taken)
         snprintf(text, sizeof text, "%.*s", (int)sizes_min(envelope.error.size, sizeof text - 1), envelope.error.data);
         answer(&client->service, call, -EREMOTEIO, text, NULL);
     } else if (envelope.is_nil) {
-        answer(&client->service, call, -EPIPE, "the request or the answer was lost", NULL);
+        if (deny(&client->service, call, source_find(client->service.subscription, taken->publisher)))
+            answer(&client->service, call, -EPIPE, "the request or the answer was lost", NULL);
     } else {
         answer(&client->service, call, 0, NULL, &envelope.message);
     }
@@ -289,11 +340,29 @@ int busd_client_create(busd_node *node, const char *name, const busd_service_typ
     return 0;
 }
 
+static bool has_bridged_server(const struct service *service)
+{
+    for (const struct match *m = service->publisher->matches; m != NULL; m = m->next)
+        if (m->is_bridged && !m->is_over)
+            return true;
+    return false;
+}
+
+/* Looks at all calls at this time, or earlier. */
+static void look_at(busd_bus *bus, int64_t at_ns)
+{
+    if (bus->at[QUESTIONS] == 0 || at_ns < bus->at[QUESTIONS])
+        set_timer(bus, QUESTIONS, at_ns);
+}
+
 int busd_client_call(busd_client *client, const void *body, size_t size, busd_answer *callback, void *user)
 {
     busd_call id = {.number = client->numbers};
     if (client->service.is_closed)
         return fail(client->service.node->bus, ECANCELED, "the client was destroyed");
+    if (client->service.call_count >= MOST_PENDING)
+        return fail(client->service.node->bus, ENOBUFS, "%u calls of this client have no answer yet, which is the limit",
+                    MOST_PENDING);
     if (busd_client_servers(client) == 0)
         return fail(client->service.node->bus, EHOSTUNREACH, "%s has no server", client->service.publisher->end.topic);
     memcpy(id.client, client->service.publisher->end.gid, sizeof id.client);
@@ -302,13 +371,19 @@ int busd_client_call(busd_client *client, const void *body, size_t size, busd_an
         return fail(client->service.node->bus, ENOMEM, "no memory");
     call->answer = callback;
     call->user = user;
-    call->is_unsure = !client->service.node->bus->is_open;
+    const bool is_bridged = has_bridged_server(&client->service);
+    call->is_unsure = is_bridged || !client->service.node->bus->is_open;
+    call->ask_ns = is_bridged ? now_ns() + FIRST_PAUSE_NS : 0;
     const int status = envelope_publish(client->service.publisher, &id, NULL, body, size);
-    if (status < 0)
-        call_end(&client->service, call);
-    else
-        client->numbers++;
-    return status;
+    if (status < 0) {
+        if ((call = call_find(&client->service, &id)) != NULL)
+            call_end(&client->service, call);
+        return status;
+    }
+    client->numbers++;
+    if (is_bridged)
+        look_at(client->service.node->bus, now_ns() + FIRST_PAUSE_NS);
+    return 0;
 }
 
 int busd_client_servers(const busd_client *client) { return busd_publisher_matches(client->service.publisher); }
@@ -319,53 +394,108 @@ void busd_client_destroy(busd_client *client)
         service_destroy(&client->service);
 }
 
-/* Asks the servers about the calls that may be lost. */
-static void ask(busd_bus *bus)
+/* Asks the servers about a call, if it is time for that. False: the service was closed meanwhile, with its calls. */
+static bool ask(struct service *service, struct call *call, int64_t now)
 {
-    bool is_unsure = false;
-    for (struct service *service = bus->services; service != NULL; service = service->next) {
-        if (!service->is_client || service->is_closed || busd_publisher_matches(service->publisher) == 0)
-            continue;
-        for (struct call *call = service->calls; call != NULL; call = call->next) {
-            if (call->is_unsure)
-                envelope_publish(service->publisher, &call->id, NULL, &nil, 1);
-            is_unsure |= call->is_unsure;
-        }
+    if (!call->is_unsure || call->ask_ns > now)
+        return true;
+    if (envelope_publish(service->publisher, &call->id, NULL, &nil, 1) < 0) {
+        if (service->is_closed)
+            return false;
+        call->ask_ns = now + SECOND_NS;
+        return true;
     }
-    if (is_unsure)
-        set_timer(bus, QUESTIONS, now_ns() + bus->question_ns);
+    if (service->is_closed)
+        return false;
+    call->pause_ns = call->pause_ns == 0 ? SECOND_NS : (int64_t)sizes_min(2 * (uint64_t)call->pause_ns, MOST_PAUSE_NS);
+    call->ask_ns = now + call->pause_ns;
+    return true;
+}
+
+/* Fails the calls whose servers have left. */
+static void give_up(struct service *service)
+{
+    struct call *call;
+    service->give_up_ns = 0;
+    do {
+        for (call = service->calls; call != NULL && !call->is_lost;)
+            call = call->next;
+        if (call != NULL)
+            answer(service, call, -EPIPE, "no server is left", NULL); /* this may end the client, and its calls */
+    } while (call != NULL);
+}
+
+/* Looks at the calls of one client. Returns the time of the next look; INT64_MAX: there is none. */
+static int64_t look(struct service *service, int64_t now)
+{
+    int64_t next = INT64_MAX;
+    if (service->give_up_ns != 0 && service->give_up_ns <= now)
+        give_up(service);
+    if (service->give_up_ns != 0)
+        next = service->give_up_ns;
+    if (busd_publisher_matches(service->publisher) == 0)
+        return next;
+    for (struct call *call = service->calls; call != NULL; call = call->next) {
+        if (!ask(service, call, now))
+            return INT64_MAX;
+        if (call->is_unsure && call->ask_ns < next)
+            next = call->ask_ns;
+    }
+    return next;
+}
+
+/* Asks about the calls that may be lost, and fails the calls that are. */
+void services_look(busd_bus *bus, int64_t now)
+{
+    int64_t next = INT64_MAX;
+    for (struct service *service = bus->services; service != NULL; service = service->next)
+        if (service->is_client && !service->is_closed)
+            next = (int64_t)sizes_min((uint64_t)next, (uint64_t)look(service, now));
+    if (next != INT64_MAX)
+        look_at(bus, (int64_t)sizes_max((uint64_t)next, (uint64_t)(now + LEAST_PAUSE_NS)));
+}
+
+/* The publisher's service, if it is of a client. */
+static struct service *client_of(const busd_publisher *publisher)
+{
+    struct service *service = publisher->end.node->bus->services;
+    while (service != NULL && (service->publisher != publisher || !service->is_client || service->is_closed))
+        service = service->next;
+    return service;
 }
 
 /* A publisher's matches have changed: if it is of a client, its pending calls may have lost their server, or their
  * server may have lost them. */
 void services_matched(busd_publisher *publisher, bool has_come)
 {
-    struct service *service = publisher->end.node->bus->services;
-    while (service != NULL && (service->publisher != publisher || !service->is_client || service->is_closed))
-        service = service->next;
-    if (service == NULL)
+    struct service *service = client_of(publisher);
+    if (service == NULL || service->calls == NULL)
         return;
-    if (!has_come && busd_publisher_matches(publisher) == 0) {
-        end_calls(service, -EPIPE, "no server is left");
-        return;
+    const int64_t now = now_ns();
+    const bool has_server = busd_publisher_matches(publisher) != 0;
+    for (struct call *call = service->calls; call != NULL; call = call->next) {
+        if (has_come) {
+            call->ask_ns = 0;
+        } else if (has_server && !call->is_unsure) { /* the remaining ones may not know it: they may be newer */
+            call->is_unsure = true;
+            call->ask_ns = now + SECOND_NS;
+        } else if (!has_server) {
+            call->is_lost = true;
+            service->give_up_ns = now + GRACE_NS;
+        }
     }
-    if (has_come) {
-        publisher->end.node->bus->question_ns = SECOND_NS;
-        ask(publisher->end.node->bus);
-    }
-}
-
-void services_ask(busd_bus *bus, int64_t now)
-{
-    (void)now;
-    bus->question_ns = (int64_t)sizes_min(2 * (uint64_t)bus->question_ns, MOST_PAUSE_NS);
-    ask(bus);
+    const int64_t next = has_come ? look(service, now) : !has_server ? now + GRACE_NS : now + SECOND_NS;
+    if (next != INT64_MAX)
+        look_at(publisher->end.node->bus, next);
 }
 
 /* The connection is lost: requests and answers may be lost, too. */
 void services_lost(busd_bus *bus)
 {
-    for (struct service *service = bus->services; service != NULL; service = service->next)
-        for (struct call *call = service->calls; call != NULL; call = call->next)
+    for (struct service *service = bus->services; service != NULL; service = service->next) {
+        for (struct call *call = service->calls; call != NULL; call = call->next) {
             call->is_unsure = service->is_client;
+            call->ask_ns = call->pause_ns = 0;
+        }
+    }
 }

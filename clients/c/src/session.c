@@ -97,6 +97,7 @@ void ping_due(busd_bus *bus)
 static void do_ping(busd_bus *bus, int64_t now)
 {
     set_timer(bus, PING, now + beat_ns(bus));
+    read_shrink(bus);
     if (bus->control.first == NULL) /* else that is the sign of life, once busd reads it */
         control_simple(bus, "ping", 0, NULL, NULL);
 }
@@ -158,7 +159,7 @@ static void do_flush(busd_bus *bus, int64_t now)
 static void (*const due[TIMERS])(busd_bus *bus, int64_t now) = {
     [PING] = do_ping,   [REPORT] = do_report, [RETRY] = do_retry, [STALE] = do_stale,
     [SWEEP] = do_sweep, [ACK] = do_ack,       [FLUSH] = do_flush, [HELLO] = do_hello,
-    [GRAPH] = graph_notify, [DEADLINE] = deadlines_check, [QUESTIONS] = services_ask,
+    [GRAPH] = graph_notify, [DEADLINE] = deadlines_check, [QUESTIONS] = services_look,
 };
 
 static void take_timers(busd_bus *bus)
@@ -479,11 +480,11 @@ static int take_turn(busd_bus *bus, const struct epoll_event *events, int count)
     if (bus->header != NULL)
         bell_disarm(&bus->header->arrival);
     deadlines_look(bus);
-    bool has_more = deliver(bus); /* first, because the doorbell is the usual reason to wake up */
+    bool has_more = deliver(bus), has_timer = false; /* first, because the doorbell is the usual reason to wake up */
     for (int i = 0; i < count; i++) {
         switch (events[i].data.u32) {
         case WAKE_BELL: doorbell_clear(bus->bell); break;
-        case WAKE_TIMER: take_timers(bus); break;
+        case WAKE_TIMER: has_timer = true; break;
         default:
             if (events[i].events & EPOLLOUT)
                 flush(bus);
@@ -493,6 +494,10 @@ static int take_turn(busd_bus *bus, const struct epoll_event *events, int count)
     }
     deadlines_look(bus);
     has_more |= deliver(bus);
+    if (has_timer) { /* last: a call is given up only after the answers that have come */
+        take_timers(bus);
+        has_more |= deliver(bus);
+    }
     bus->turns--;
     sweep_unless_in_turn(bus);
     if (bus->header != NULL)

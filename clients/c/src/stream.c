@@ -202,7 +202,7 @@ void stream_lost(busd_publisher *p)
         p->stream_until_ns = INT64_MAX;
     for (struct match *m = p->matches; m != NULL; m = m->next) {
         m->is_stale = true;
-        m->is_by_socket = false;
+        m->is_by_socket = m->is_bridged = false;
     }
 }
 

@@ -20,7 +20,7 @@ from bus.wire.layout import DATA, DATA_HEAD, DATA_HEAD_BYTES, LENGTH_BYTES, RECO
 from bus.wire.runs import Run
 from bus_cli.doctor.conformance import payloads
 
-__all__ = ["Conversation", "Endpoint", "Wrong", "is_plain"]
+__all__ = ["Conversation", "Endpoint", "LeftOut", "Wrong", "is_plain"]
 
 GID_BYTES = 16
 _MOST_PAYLOADS = 1000
@@ -32,6 +32,10 @@ _PLUMBING = ("/rosout", "/parameter_events")
 
 class Wrong(Exception):
     """The client has done something wrong."""
+
+
+class LeftOut(Exception):
+    """The story says nothing about this client."""
 
 
 class Endpoint(msgspec.Struct, eq=False):
@@ -299,7 +303,7 @@ class Conversation:
             raise Wrong(f"{what} {text}")
         if stamp_ns < one.stamp_ns:
             raise Wrong(f"{what} is stamped before the sample ahead of it")
-        if (fault := payloads.fault(one.schema, payload)) is not None:
+        if (fault := payloads.fault(one.schema, payload)) is not None and not _is_question(one, payload):
             raise Wrong(f"{what} is no {one.schema.type_name}: {fault}")
         one.stamp_ns = stamp_ns
         one.samples += 1
@@ -309,6 +313,18 @@ class Conversation:
 def is_plain(topic: str) -> bool:
     """Whether the topic is one of users, and not of services, logs or parameters."""
     return topic not in _PLUMBING and not names.is_hidden_topic(topic)
+
+
+def _is_question(one: Endpoint, payload: bytes) -> bool:
+    """Whether it is a client's question about a call: a request without a body."""
+    service = names.service_of_topic(one.topic)
+    if service is None or one.topic != names.request_topic(service):
+        return False
+    try:
+        msgspec.msgpack.decode(payload, type=tuple[bytes, int, None])
+    except msgspec.MsgspecError:
+        return False
+    return True
 
 
 def gid_of_partner(topic: str) -> bytes:

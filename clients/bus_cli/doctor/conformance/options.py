@@ -4,7 +4,10 @@ from argparse import ArgumentParser
 
 __all__ = ["NAMES", "PLACE", "RELAY", "add_arguments"]
 
-NAMES = ("hello", "declare", "publish", "subscribe", "ping", "unknown", "split", "refusal", "restart", "real")
+NAMES = (
+    *("hello", "declare", "publish", "subscribe", "ping", "unknown", "split", "refusal", "restart"),
+    *("serve", "call", "real"),
+)
 """The stories, in the order in which they are played."""
 
 PLACE = "{socket}"

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from bus.logger import Severity, get_logger
-from bus_cli.doctor.conformance.conversation import Wrong
-from bus_cli.doctor.conformance.stories import STORIES, LeftOut
+from bus_cli.doctor.conformance.conversation import LeftOut, Wrong
+from bus_cli.doctor.conformance.stories import STORIES
 from bus_cli.exitcodes import EXIT_ERROR
 from bus_cli.output import CommandError, print_json, say
 from bus_cli.stream import run_stream
@@ -71,4 +71,4 @@ def _print(args: Namespace, name: str, mark: str, text: str, output: str) -> Non
     if mark == "fail":
         for line in lines:
             say(f"       | {line}")
-        say(f'       -> docs/protocol.md, "{STORIES[name].section}"')
+        say(f'       -> {STORIES[name].page}, "{STORIES[name].section}"')

@@ -11,29 +11,26 @@ import msgspec
 
 from bus.base.counted import counted
 from bus.wire import messages as m
-from bus_cli.doctor.conformance import payloads, real
-from bus_cli.doctor.conformance.conversation import Endpoint, Wrong, is_plain
+from bus_cli.doctor.conformance import payloads, real, services
+from bus_cli.doctor.conformance.conversation import Endpoint, LeftOut, Wrong, is_plain
 from bus_cli.doctor.conformance.options import RELAY
 from bus_cli.doctor.conformance.real import RealStage
 from bus_cli.doctor.conformance.stage import Ended, Peer, Stage
 
-__all__ = ["STORIES", "LeftOut", "Story"]
+__all__ = ["STORIES", "Story"]
 
 _SAMPLES = 3
 _PING_LEASE_S = 1.0
 _TEXT = "this busd refuses the endpoint, to test its client"
 
 
-class LeftOut(Exception):
-    """The story says nothing about this client."""
-
-
 class Story(NamedTuple):
     play: Callable[[Any], Awaitable[str]]
     section: str
-    """The section of docs/protocol.md to read if the client is wrong."""
+    """The section to read if the client is wrong."""
     stage: type[Stage | RealStage] = Stage
     """Where it is played, and what `play` gets."""
+    page: str = "docs/protocol.md"
 
 
 async def _hello(stage: Stage) -> str:
@@ -261,5 +258,7 @@ STORIES: Mapping[str, Story] = {
     "split": Story(_split, "Frames"),
     "refusal": Story(_refusal, "Errors and limits"),
     "restart": Story(_restart, "When busd goes away"),
+    "serve": Story(services.play_serve, "On the bus", page="docs/services.md"),
+    "call": Story(services.play_call, "On the bus", page="docs/services.md"),
     "real": Story(real.play, "The least that a client does", RealStage),
 }

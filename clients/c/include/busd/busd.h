@@ -132,7 +132,7 @@ int busd_publisher_wait(busd_publisher *publisher, int timeout_ms);
 /* A sign of life, for liveliness manual by topic. A message is one, too. */
 int busd_publisher_assert_liveliness(busd_publisher *publisher);
 
-/* Subscriptions that get the messages. */
+/* Subscriptions that get the messages, also on other buses. */
 int busd_publisher_matches(const busd_publisher *publisher);
 
 void busd_publisher_destroy(busd_publisher *publisher);
@@ -195,7 +195,8 @@ typedef void busd_serve(void *user, busd_server *server, const busd_call *call, 
 int busd_server_create(busd_node *node, const char *name, const busd_service_type *type, const busd_qos *qos,
                        busd_serve *serve, void *user, busd_server **server);
 
-/* Replies to a call, once; or ends it with an error, whose reason the client gets. -ENOENT: it has its reply. */
+/* Replies to a call, once; or ends it with an error, whose reason the client gets. -ENOENT: it has its reply, or is older
+ * than 10,000 other calls without one. */
 int busd_reply(busd_server *server, const busd_call *call, const void *body, size_t size);
 int busd_reply_error(busd_server *server, const busd_call *call, const char *reason);
 
@@ -208,10 +209,11 @@ typedef void busd_answer(void *user, int status, const char *error, const busd_m
 int busd_client_create(busd_node *node, const char *name, const busd_service_type *type, const busd_qos *qos,
                        busd_client **client);
 
-/* Sends a request. `answer` is called once, later. -EHOSTUNREACH: there is no server. */
+/* Sends a request. `answer` is called once, later. -EHOSTUNREACH: there is no server. -ENOBUFS: 1,000 calls of the client
+ * wait for an answer. */
 int busd_client_call(busd_client *client, const void *body, size_t size, busd_answer *answer, void *user);
 
-/* Servers that get the requests. Usually 0 or 1. */
+/* Servers that get the requests, on this bus and on others. Usually 0 or 1. */
 int busd_client_servers(const busd_client *client);
 
 void busd_client_destroy(busd_client *client);

@@ -241,6 +241,16 @@ async def test_why_there_is_no_answer_comes_by_any_server(
     assert (denial.number, denial.error, denial.body) == (7, "", None)
 
 
+async def test_why_there_is_no_answer_comes_by_all_servers(world: World) -> None:
+    """A client with several servers gives up a call only after each has denied it."""
+    world.ask()
+    heard: list[Batch] = []
+    for gid in (b"1" * 16, b"2" * 16):
+        world.there.ways.read(far(gid, "replies"), heard.append)
+    world.client.write(one(SUPPORT.encode_question(CLIENT, 7)))
+    assert payloads(heard) == [SUPPORT.encode_denial(CLIENT, 7)] * 2
+
+
 async def test_why_there_is_no_answer_waits_for_a_server(world: World) -> None:
     world.serve()
     world.ask()

@@ -311,6 +311,14 @@ class TestTaps:
         assert [one.is_tap for one in tap.got(m.Matched)] == [False]
         assert [one.kind for one in local.process.graph().endpoints if one.id == tap.id] == ["tap"]
 
+    def test_it_learns_of_a_publisher_after_the_mirror(self) -> None:
+        """It may find samples in the ring at once, and the bridge drops them without the mirror's match."""
+        local, node, bridge = nodes()
+        tap = bridge.subscription("/topic", role="tap")
+        mirror = node.subscription("/topic", gid=GID, role="mirror")
+        local.publisher("/topic")
+        assert [one.endpoint for one in bridge.got(m.Matched)] == [mirror.id, tap.id]
+
     def test_a_lossless_publisher_waits_for_it(self) -> None:
         local, _, bridge = nodes()
         publisher = local.publisher("/topic", ALL)
