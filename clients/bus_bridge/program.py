@@ -1,5 +1,6 @@
 """Runs a bridge until it is stopped: `bus bridge zenoh`, `bus bridge ros2`."""
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -133,6 +134,7 @@ def _plan_rmw_zenoh(table: Ros2Table) -> tuple[_MakeEngine, list[str]]:
 
 
 def _plan_dds(table: Ros2Table) -> tuple[_MakeEngine, list[str]]:
+    from bus_bridge.dds import environment
     from bus_bridge.dds.engine import DdsEngine
     from bus_bridge.dds.options import DdsOptions
 
@@ -144,8 +146,9 @@ def _plan_dds(table: Ros2Table) -> tuple[_MakeEngine, list[str]]:
         carrier=table.carrier or "auto",
     )
     options.check()
+    options, remarks = environment.apply(options, environment.read(os.environ))
     where = "this machine only" if options.is_local else f"interface {options.interface}"
-    places = [f"in domain {options.domain} of DDS, {where}"]
+    places = [f"in domain {options.domain} of DDS, {where}", *remarks]
     if options.carrier == "auto" and options.carrier_used == "rtps":
         places.append("cyclonedds is not installed: topics go by the RTPS of busd, which is slower")
     return lambda bus: DdsEngine(bus, options), places
