@@ -39,7 +39,7 @@ class Plan:
         is_rmw_zenoh = isinstance(table, Ros2Table) and table.rmw == "zenoh"
         self._node = "bridge_rmw_zenoh" if is_rmw_zenoh else f"bridge_{engine}"
         self._rules = Rules(table.allow, table.deny, table.topics, table=f"bridge.{engine}")
-        self._naming = Naming(table.namespace or "")
+        self._naming = Naming(table.namespace or "", self._rules.far_names)
         self._id = checked_id(table.id) if table.id is not None else None
         self._make_engine, self._places = _plan_engine(table)
 

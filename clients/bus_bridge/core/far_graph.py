@@ -10,10 +10,11 @@ from typing import Final, NamedTuple
 
 import msgspec
 
+from bus.qos import QoSProfile
 from bus_bridge.core.bounds import Bounds, News, wrong_bus, wrong_endpoint, wrong_node
 from bus_bridge.core.naming import Naming
 from bus_bridge.core.rules import Rules
-from bus_bridge.engine import FarBus, FarEndpoint, FarNode
+from bus_bridge.engine import FarBus, FarEndpoint, FarNode, RouteRule
 
 __all__ = ["FarGraph", "Mirrored", "MirroredNode", "Wrong"]
 
@@ -45,8 +46,9 @@ class Mirrored(msgspec.Struct, frozen=True):
     node: MirroredNode
     topic: str
     """The name of the topic on this bus."""
-    max_rate_hz: float | None = None
-    """The limit that a rule sets for the topic."""
+    qos: QoSProfile
+    """The QoS of its mirror."""
+    rule: RouteRule
 
 
 class Wrong(NamedTuple):
@@ -301,7 +303,8 @@ class FarGraph:
         # This bus shows a far subscription only if messages may go out to it.
         if not (crossing.comes_in if endpoint.kind == "publisher" else crossing.goes_out):
             return None
-        return Mirrored(endpoint, node, topic, crossing.rule.max_rate_hz)
+        qos = crossing.qos_of(endpoint.kind, endpoint.qos)
+        return Mirrored(endpoint, node, topic, qos, crossing.rule)
 
     def _too_much(self, announcer: _Announcer) -> Wrong:
         rate = self._bounds.news_per_s

@@ -124,7 +124,8 @@ class LocalGraph:
             return Changes()
         wire = self._to_wire(topic, changes)
         if wire is not None:
-            local = LocalEndpoint("publisher", match.gid, node, wire, type_name, type_hash, match.qos)
+            qos = crossing.qos_of("publisher", match.qos)
+            local = LocalEndpoint("publisher", match.gid, node, wire, type_name, type_hash, qos)
             changes.publishers.append(Shown(local, topic, match.node, crossing.rule))
         return changes
 
@@ -199,9 +200,8 @@ class LocalGraph:
         if topic is None:
             return None
         kind: EndpointKind = "publisher" if endpoint.kind == "publisher" else "subscription"
-        local = LocalEndpoint(
-            kind, endpoint.gid, node, topic, endpoint.type_name, endpoint.type_hash, endpoint.qos
-        )
+        qos = crossing.qos_of(kind, endpoint.qos)
+        local = LocalEndpoint(kind, endpoint.gid, node, topic, endpoint.type_name, endpoint.type_hash, qos)
         return Shown(local, endpoint.topic, endpoint.node.full_name, crossing.rule)
 
     def _to_wire(self, topic: str, changes: Changes) -> str | None:
