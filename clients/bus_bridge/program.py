@@ -9,12 +9,11 @@ from bus.graph import Origin
 from bus.node import Node
 from bus_bridge.core.bridge import Bridge, BridgeOptions
 from bus_bridge.core.bus_id import checked_id, find_bus_id
-from bus_bridge.core.naming import Naming
-from bus_bridge.core.rules import Rules
 from bus_bridge.engine import Engine
 from bus_bridge.errors import BridgeError
 from bus_bridge.extras import why_no_rmw_zenoh
 from bus_bridge.options import BridgeTable, Ros2Table, ZenohTable
+from bus_bridge.reloading import Reloading, Source, rules_of
 
 if TYPE_CHECKING:
     from bus_bridge.zenoh.options import ZenohOptions
@@ -38,13 +37,15 @@ class Plan:
         # A bus may have a bridge to each middleware of ROS 2, and `bus bridge status` asks each by its name.
         is_rmw_zenoh = isinstance(table, Ros2Table) and table.rmw == "zenoh"
         self._node = "bridge_rmw_zenoh" if is_rmw_zenoh else f"bridge_{engine}"
-        self._rules = Rules(table.allow, table.deny, table.topics, table=f"bridge.{engine}")
-        self._naming = Naming(table.namespace or "", self._rules.far_names)
+        self._table = table
+        self._rules, self._naming = rules_of(engine, table)
         self._id = checked_id(table.id) if table.id is not None else None
         self._make_engine, self._places = _plan_engine(table)
 
-    async def run(self, path: Path, log_level: str = "info") -> None:
+    async def run(self, path: Path, log_level: str = "info", source: Source | None = None) -> None:
         """Connect the bus of the running busd at `path` to the far side until cancelled.
+
+        At SIGHUP, the rules of `source` apply.
 
         Raises BridgeError if the engine can't start. Cancellation is the normal end: then neither side sees
         nodes of the other any more.
@@ -57,7 +58,9 @@ class Plan:
             bridge = Bridge(node, self._make_engine(bus), options)
             log = node.get_logger()
             log.info(f"this bus is '{bus}'")
-            await bridge.run(lambda: [log.info(place) for place in self._places])
+            reloading = Reloading(self._name, self._table, source, bridge.reconfigure, log)
+            with reloading.at_hangup():
+                await bridge.run(lambda: [log.info(place) for place in self._places])
 
 
 def _default_id(path: Path) -> str:

@@ -7,6 +7,8 @@
 
 What crosses, by which name and QoS: `rules.py`, `naming.py`, `qos_rule.py`.
 
+New rules come by `Bridge.reconfigure`: what is unchanged keeps its objects, so its mirrors and routes stay.
+
 `continuity.py` decides which messages are new, repeated or lost, by a table (docs/architecture.md,
 "Bridges"). `bridge.py` connects all parts; `reporting.py` and `status.py` show counters.
 
@@ -25,5 +27,6 @@ Read first: `bridge.py`, `continuity.py`, then `export.py` and `imports.py`.
 
 Tests: `tests/unit/bus_bridge/core/`; `tests/system/test_bridge_core.py`,
 `tests/system/test_bridge_faults.py`, `tests/system/test_bridge_loops.py`,
-`tests/system/test_bridge_three.py`, `tests/system/test_bridge_renames.py`.
+`tests/system/test_bridge_three.py`, `tests/system/test_bridge_renames.py`,
+`tests/system/test_bridge_reload.py`.
 """

@@ -121,6 +121,17 @@ class FarGraph:
         """The buses through which an endpoint with this gid arrives, except this bus itself."""
         return [self._nodes[key].bus.id for key in self._endpoints.get(gid, ()) if key in self._known_nodes]
 
+    def reconfigure(self, rules: Rules, naming: Naming) -> None:
+        """Apply other rules, and other far names. Endpoints for which nothing has changed stay as they
+        are."""
+        self._rules, self._naming = rules, naming
+        for gid in tuple(self._endpoints):
+            self._choose(gid)
+
+    def knows(self, gid: bytes) -> bool:
+        """Whether a far bus has an endpoint with this gid, even if it is not mirrored."""
+        return gid in self._endpoints
+
     def wrong(self, key: str, reason: str) -> Wrong | None:
         """Make a fault for an endpoint of a node; None if the node has gone."""
         known = self._nodes.get(key)
@@ -275,7 +286,11 @@ class FarGraph:
         """Choose the way by which an endpoint is mirrored, if any: the first one, as long as it exists."""
         known = self.endpoints.pop(gid, None)
         ways = self._endpoints.get(gid, {})
-        if known is not None and ways.get(known.far.node) is known.far:
+        if (
+            known is not None
+            and ways.get(known.far.node) is known.far
+            and self._mirrored(known.far) == known  # otherwise the rules have changed
+        ):
             self.endpoints[gid] = known
             return
         if known is not None:

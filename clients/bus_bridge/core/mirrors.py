@@ -215,7 +215,7 @@ class Mirrors:
     def _stays_until(self, mirror: EndpointMirror) -> float:
         is_kept = (
             mirror.publisher is not None
-            and mirror.far.far.gid not in self._far.endpoints
+            and not self._far.knows(mirror.far.far.gid)
             and mirror.far.far.qos.durability is Durability.TRANSIENT_LOCAL
         )
         if not is_kept:
