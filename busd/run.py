@@ -21,9 +21,10 @@ from bus.errors import ConfigurationError
 from bus.process.address import socket_path
 from bus.process.logfile import log_path
 from bus.process.start_errors import check_descriptors
+from bus.process.terminal import ends_with_terminal, has_terminal
 from busd.config.access import find_doubts
 from busd.config.file import Config, load
-from busd.config.reload import Reloader, ends_with_terminal, has_terminal
+from busd.config.reload import Reloader
 from busd.core.access import Access
 from busd.core.broker import Broker
 from busd.process.logs import LOG_FORMATS, LOG_LEVELS, set_up

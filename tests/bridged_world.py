@@ -103,7 +103,10 @@ class Bridge:
     @property
     def node(self) -> str:
         """The full name of its node."""
-        return "/bridge_rmw_zenoh" if "--rmw" in self.arguments else f"/bridge_{self.engine}"
+        words = self.arguments
+        domain = words[words.index("--domain-id") + 1] if "--domain-id" in words else "0"
+        name = "/bridge_rmw_zenoh" if "--rmw" in words else f"/bridge_{self.engine}"
+        return name if domain == "0" else f"{name}_{domain}"
 
     def restart(self) -> None:
         """Start it again after its end."""

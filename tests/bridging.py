@@ -61,8 +61,8 @@ class Running:
         rules: dict[str, Any] = {name: self._options.get(name, ()) for name in ("allow", "deny", "topics")}
         options = BridgeOptions(
             bus=self.site.name,
-            rules=Rules(**rules),
-            naming=Naming(self._options.get("namespace", "")),
+            rules=(chosen := Rules(**rules)),
+            naming=Naming(self._options.get("namespace", ""), chosen.far_names),
             bounds=self._options.get("bounds", Bounds()),
             socket=self.site.socket,
         )

@@ -20,7 +20,7 @@ __all__ = ["BridgeTables", "Config", "load"]
 
 
 class BridgeTables(msgspec.Struct, frozen=True):
-    """`[bridge]`, which bridges read when they start: busd only sees whether it has changed."""
+    """`[bridge]`, which bridges read when they start or reload: busd only sees whether it has changed."""
 
     content: object = None
 
@@ -28,7 +28,7 @@ class BridgeTables(msgspec.Struct, frozen=True):
         """Text for the log if this table, called `place`, has become `after`."""
         old, new = (one.content if isinstance(one.content, dict) else {} for one in (self, after))
         tables = [f"{place}.{name}" for name in old | new if old.get(name) != new.get(name)]
-        return f"{', '.join(tables) or place}: changed; a bridge reads it when it starts"
+        return f"{', '.join(tables) or place}: changed; a bridge reads it when it starts or reloads"
 
 
 class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

@@ -1,13 +1,10 @@
 """SIGHUP: busd reads the configuration again and applies it. If something is wrong, the old one stays in
 force.
 
-Owns the configuration in force, the log's words for a change of it, and the meaning of SIGHUP to a busd that
-was started in a terminal. Must not know what the values do.
+Owns the configuration in force, and the log's words for a change of it. Must not know what the values do.
 """
 
 import logging
-import os
-import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from time import monotonic_ns
@@ -20,7 +17,7 @@ from busd.config.file import BridgeTables, Config, load
 from busd.process.repetitions import Repetitions
 from busd.process.sd_notify import READY, notify, reloading
 
-__all__ = ["Reloader", "ends_with_terminal", "has_terminal"]
+__all__ = ["Reloader"]
 
 _LONGEST_VALUE = 60
 
@@ -64,20 +61,6 @@ class Reloader:
             self._apply(config)
             self.config = config
         return changes
-
-
-def has_terminal() -> bool:
-    """Whether this process has a controlling terminal that is still there."""
-    try:
-        os.close(os.open("/dev/tty", os.O_RDWR | os.O_NOCTTY | os.O_CLOEXEC))
-    except OSError:
-        return False
-    return True
-
-
-def ends_with_terminal() -> bool:
-    """Whether this process is to end with its terminal: it has one, and does not run under nohup."""
-    return has_terminal() and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN
 
 
 def _changes(old: Any, new: Any, place: str = "") -> Iterator[str]:

@@ -4,8 +4,8 @@
                                                                              or `rmw_zenoh/`
 
 A bridge is a client of the bus and runs in a separate process. `program.py` runs a bridge. `options.py` and
-`config.py` have its settings, and `extras.py` the packages that an engine needs. Messages travel in batches:
-`batch.py`, `packed.py`.
+`config.py` have its settings, and `extras.py` the packages that an engine needs. `reloading.py` applies new
+rules at SIGHUP. Messages travel in batches: `batch.py`, `packed.py`.
 
 Invariants:
 

@@ -12,6 +12,7 @@ from bus.process.tables import check_keys, each_of, filled, read_file
 from bus.topic_patterns import compiled
 from bus_bridge.core.bus_id import checked_id
 from bus_bridge.core.naming import Naming
+from bus_bridge.core.qos_rule import QosRule
 from bus_bridge.core.rules import TopicRule
 from bus_bridge.dds.options import checked_interface, checked_peer
 from bus_bridge.options import BridgeTable, Ros2Table, TlsTable, ZenohTable
@@ -101,9 +102,17 @@ def _table(name: str, table: object, kind: type[T], folder: Path) -> T:
         if isinstance(value, str) and fields[key].default == ():
             entries[key] = [value]
     changes: dict[str, Any] = {
-        "topics": tuple(filled(key, one, TopicRule) for key, one in each_of(f"{name}.topics", topics))
+        "topics": tuple(_rule(key, one) for key, one in each_of(f"{name}.topics", topics))
     }
     if "tls" in fields:
         paths = structs.asdict(filled(f"{name}.tls", tls, TlsTable))
         changes["tls"] = TlsTable(**{key: value and str(folder / value) for key, value in paths.items()})
     return structs.replace(filled(name, entries, kind), **changes)
+
+
+def _rule(name: str, table: object) -> TopicRule:
+    """One rule. It converts the inner tables first, so that errors name the inner key."""
+    if isinstance(table, dict):
+        ends = {end: table[end] for end in ("publisher", "subscription") if end in table}
+        table = table | {end: filled(f"{name}.{end}", one, QosRule) for end, one in ends.items()}
+    return filled(name, table, TopicRule)

@@ -1,5 +1,6 @@
 """Runs a bridge until it is stopped: `bus bridge zenoh`, `bus bridge ros2`."""
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -8,17 +9,17 @@ from bus.graph import Origin
 from bus.node import Node
 from bus_bridge.core.bridge import Bridge, BridgeOptions
 from bus_bridge.core.bus_id import checked_id, find_bus_id
-from bus_bridge.core.naming import Naming
-from bus_bridge.core.rules import Rules
 from bus_bridge.engine import Engine
 from bus_bridge.errors import BridgeError
 from bus_bridge.extras import why_no_rmw_zenoh
 from bus_bridge.options import BridgeTable, Ros2Table, ZenohTable
+from bus_bridge.reloading import Reloading, Source, rules_of
+from bus_bridge.ros2.domain import chosen_domain
 
 if TYPE_CHECKING:
     from bus_bridge.zenoh.options import ZenohOptions
 
-__all__ = ["Plan"]
+__all__ = ["Plan", "node_name"]
 
 _MakeEngine = Callable[[str], Engine]
 """Makes the engine for the bus with this id."""
@@ -34,16 +35,16 @@ class Plan:
 
     def __init__(self, engine: str, table: BridgeTable) -> None:
         self._name = engine
-        # A bus may have a bridge to each middleware of ROS 2, and `bus bridge status` asks each by its name.
-        is_rmw_zenoh = isinstance(table, Ros2Table) and table.rmw == "zenoh"
-        self._node = "bridge_rmw_zenoh" if is_rmw_zenoh else f"bridge_{engine}"
-        self._rules = Rules(table.allow, table.deny, table.topics, table=f"bridge.{engine}")
-        self._naming = Naming(table.namespace or "")
+        self._node = node_name(engine, table)
+        self._table = table
+        self._rules, self._naming = rules_of(engine, table)
         self._id = checked_id(table.id) if table.id is not None else None
         self._make_engine, self._places = _plan_engine(table)
 
-    async def run(self, path: Path, log_level: str = "info") -> None:
+    async def run(self, path: Path, log_level: str = "info", source: Source | None = None) -> None:
         """Connect the bus of the running busd at `path` to the far side until cancelled.
+
+        At SIGHUP, the rules of `source` apply.
 
         Raises BridgeError if the engine can't start. Cancellation is the normal end: then neither side sees
         nodes of the other any more.
@@ -56,7 +57,23 @@ class Plan:
             bridge = Bridge(node, self._make_engine(bus), options)
             log = node.get_logger()
             log.info(f"this bus is '{bus}'")
-            await bridge.run(lambda: [log.info(place) for place in self._places])
+            reloading = Reloading(self._name, self._table, source, bridge.reconfigure, log)
+            with reloading.at_hangup():
+                await bridge.run(lambda: [log.info(place) for place in self._places])
+
+
+def node_name(engine: str, table: BridgeTable) -> str:
+    """The name of a bridge's node. Raises BridgeError if $ROS_DOMAIN_ID is not a number.
+
+    A bus may have bridges to several domains and middlewares of ROS 2, and `bus bridge status` asks each by
+    its name.
+    """
+    if not isinstance(table, Ros2Table):
+        return f"bridge_{engine}"
+    domain = chosen_domain(table.domain_id)
+    return ("bridge_rmw_zenoh" if table.rmw == "zenoh" else f"bridge_{engine}") + (
+        f"_{domain}" if domain else ""
+    )
 
 
 def _default_id(path: Path) -> str:
@@ -125,7 +142,7 @@ def _plan_rmw_zenoh(table: Ros2Table) -> tuple[_MakeEngine, list[str]]:
     connect = table.connect or (() if table.listen or table.router else (ROUTER,))
     options = RmwZenohOptions(_links(table.listen, connect, table, table.router), table.domain_id)
     check(options)
-    places = [f"in ROS 2's domain {options.domain}, on zenoh"]
+    places = [f"in ROS 2's domain {options.domain} on zenoh"]
     places += [f"listening on {place}" for place in table.listen]
     places += [f"connecting to {place}" for place in connect]
     places += [f"connecting to the router at {place}" for place in table.router]
@@ -133,6 +150,7 @@ def _plan_rmw_zenoh(table: Ros2Table) -> tuple[_MakeEngine, list[str]]:
 
 
 def _plan_dds(table: Ros2Table) -> tuple[_MakeEngine, list[str]]:
+    from bus_bridge.dds import environment
     from bus_bridge.dds.engine import DdsEngine
     from bus_bridge.dds.options import DdsOptions
 
@@ -144,8 +162,9 @@ def _plan_dds(table: Ros2Table) -> tuple[_MakeEngine, list[str]]:
         carrier=table.carrier or "auto",
     )
     options.check()
+    options, remarks = environment.apply(options, environment.read(os.environ))
     where = "this machine only" if options.is_local else f"interface {options.interface}"
-    places = [f"in domain {options.domain} of DDS, {where}"]
+    places = [f"in ROS 2's domain {options.domain} on DDS, {where}", *remarks]
     if options.carrier == "auto" and options.carrier_used == "rtps":
         places.append("cyclonedds is not installed: topics go by the RTPS of busd, which is slower")
     return lambda bus: DdsEngine(bus, options), places

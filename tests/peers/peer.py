@@ -177,6 +177,7 @@ def ros(
     namespace: str = "",
     domain: int = 0,
     reach: Literal["LOCALHOST", "SUBNET"] = "LOCALHOST",
+    static_peers: str = "",
 ) -> Peer:
     """A node of ROS 2's own rclpy, that looks for others on its machine only. Skips where there is none.
 
@@ -187,6 +188,7 @@ def ros(
     environ = {
         "ROS_DOMAIN_ID": str(domain),
         "ROS_AUTOMATIC_DISCOVERY_RANGE": reach,
+        "ROS_STATIC_PEERS": static_peers,
         "ROS_LOG_DIR": tempfile.gettempdir(),
         "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp",
         "PYTHONPATH": "",

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -152,14 +153,28 @@ class TestTwoBuses:
 def test_ros_2_begins_tells_and_ends(daemon: Daemon) -> None:
     """Without a ROS 2 node; tests with rclpy check the messages."""
     with bridge(daemon.path, "ros2", "--domain-id", DOMAIN) as running:
-        running.error_line_with(f"in domain {DOMAIN} of DDS, this machine only")
+        running.error_line_with(f"in ROS 2's domain {DOMAIN} on DDS, this machine only")
         result = bus("bridge", "status")
         assert (result.err, result.code) == ("", 0)
-        assert result.out.startswith("/bridge_ros2: ros2, this bus is ")
+        assert result.out.startswith(f"/bridge_ros2_{DOMAIN}: ros2, this bus is ")
         ended = running.end(signal.SIGINT)
         assert ended.code == -signal.SIGINT
         assert "Traceback" not in ended.err and "WARN" not in ended.err
-    wait_for_graph_of(daemon.path, lacks("/bridge_ros2"))
+    wait_for_graph_of(daemon.path, lacks(f"/bridge_ros2_{DOMAIN}"))
+
+
+def test_bridges_to_two_domains_of_ros_2(daemon: Daemon) -> None:
+    domains = sorted([DOMAIN, str(int(DOMAIN) + 100)])  # the domains of `own_domain` are below 100
+    with ExitStack() as stack:
+        for domain in domains:
+            words = ("ros2", "--domain-id", domain, "--carrier", "rtps")
+            running = stack.enter_context(bridge(daemon.path, *words))
+            running.error_line_with(f"in ROS 2's domain {domain} on DDS, this machine only")
+        result = bus("bridge", "status", "--json")
+        assert (result.err, result.code) == ("", 0)
+    answers = [json.loads(line) for line in result.out.splitlines()]
+    assert sorted(one["node"] for one in answers) == [f"/bridge_ros2_{domain}" for domain in domains]
+    assert sorted(one["links"][0]["bus"] for one in answers) == [f"dds{domain}" for domain in domains]
 
 
 class TestMistakes:

@@ -106,7 +106,7 @@ async def test_a_bus_may_have_a_bridge_to_each_middleware(ros: Ros) -> None:
             await ask(far, "send", topic="/theirs", messages=[text("here")])
             await until(lambda: heard)
             found = [one["cdr"] for one in await asyncio.to_thread(far.wait, "/ours", 1)]
-            await until(lambda: f"in domain {ros.domain} of DDS" in other.log.read_text())
+            await until(lambda: f"in ROS 2's domain {ros.domain} on DDS" in other.log.read_text())
             buses = [{link["bus"] for link in one.status()["links"]} for one in (bridge, other)]
     assert buses == [{"", f"rmw_zenoh{ros.domain}"}, {f"dds{ros.domain}"}]
     assert (heard, found) == (["here"], [text("there")])

@@ -90,7 +90,7 @@ async def test_each_lists_the_nodes_and_topics_of_the_other(world: World, distro
             await ask(ros, "listen", topic="/robot/cmd_vel", type_name="geometry_msgs/msg/Twist")
             both = ["/robot/busd_node", "/ros/ros_node"]
             assert await answers(ros, "nodes", lambda found: {*both} <= {*found})
-            assert "/bridge_ros2" not in await ask(ros, "nodes")
+            assert not [name for name in await ask(ros, "nodes") if name.startswith("/bridge")]
             topics = await answers(ros, "topics", lambda found: "/robot/cmd_vel" in found)
             assert {*topics["/robot/cmd_vel"]} == {"geometry_msgs/msg/Twist"}
             published, heard = await answers(

@@ -73,6 +73,8 @@ def test_its_command_has_the_options(folder: Path, bus: Bus, tmp_path: Path) -> 
         for line in (folder / "busd-bridge-ros2.service").read_text().splitlines()
         if line.startswith("ExecStart=")
     ]
+    text = (folder / "busd-bridge-ros2.service").read_text()
+    assert "ExecReload=/bin/kill -HUP $MAINPID\n" in text and "RestartForceExitStatus=SIGHUP\n" in text
     words = shlex.split(start)
     words = words[words.index("bridge") :]
     assert words[:2] == ["bridge", "ros2"]

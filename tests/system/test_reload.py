@@ -62,7 +62,7 @@ class TestAConfiguration:
 
     def test_of_bridges_is_theirs(self, daemon: Daemon, config: Path) -> None:
         config.write_text("[bridge.zenoh]\nconnect = 'tcp/robot:7447'\n[bridge.ros2]\ndomain = 1\n")
-        reads = "changed; a bridge reads it when it starts"
+        reads = "changed; a bridge reads it when it starts or reloads"
         hang_up(daemon, f"reloaded {config}: bridge.zenoh, bridge.ros2: {reads}\n")
         config.write_text("log_level = 'debug'\n[bridge.zenoh]\nconnect = 'tcp/robot:7447'\n")
         hang_up(daemon, f"log_level: info -> debug; bridge.ros2: {reads}\n")

@@ -51,7 +51,7 @@ TRIALS = {
     "metrics": Trial(("metrics", "--once"), r"# TYPE busd_", "prometheus-client"),
     "ros2": Trial(
         ("bridge", "ros2", "--domain-id", "{domain}", "--carrier", "cyclonedds"),
-        r"in domain \d+ of DDS",
+        r"in ROS 2's domain \d+ on DDS",
         "cyclonedds",
     ),
     "rmw-zenoh": Trial(

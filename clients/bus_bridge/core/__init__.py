@@ -2,8 +2,12 @@
 
     out  graph -> `local_graph.py` -> `announcing.py` -> engine
          messages -> `taps.py` -> `exports.py` -> `export.py` (`waiting.py`, `pace.py`) -> the engine's Writer
-    in   engine -> `far_graph.py` (`bounds.py`, `rules.py`) -> `mirrors.py` -> nodes on this bus
+    in   engine -> `far_graph.py` (`bounds.py`) -> `mirrors.py` -> nodes on this bus
          the engine's Reader -> `far_reading.py` -> `imports.py` -> `publishing.py` -> mirror
+
+What crosses, by which name and QoS: `rules.py`, `naming.py`, `qos_rule.py`.
+
+New rules come by `Bridge.reconfigure`: what is unchanged keeps its objects, so its mirrors and routes stay.
 
 `continuity.py` decides which messages are new, repeated or lost, by a table (docs/architecture.md,
 "Bridges"). `bridge.py` connects all parts; `reporting.py` and `status.py` show counters.
@@ -23,5 +27,6 @@ Read first: `bridge.py`, `continuity.py`, then `export.py` and `imports.py`.
 
 Tests: `tests/unit/bus_bridge/core/`; `tests/system/test_bridge_core.py`,
 `tests/system/test_bridge_faults.py`, `tests/system/test_bridge_loops.py`,
-`tests/system/test_bridge_three.py`.
+`tests/system/test_bridge_three.py`, `tests/system/test_bridge_renames.py`,
+`tests/system/test_bridge_reload.py`.
 """

@@ -53,6 +53,10 @@ class Announcing:
         """Numbers of nodes, publishers and subscriptions that are shown."""
         return len(self._nodes), len(self._publishers), len(self._withdrawals)
 
+    def look_again(self) -> None:
+        """Announce the changes: the rules are others now."""
+        self._has_news.set()
+
     async def watch(self) -> None:
         """Follow the graph until cancelled. Raises the error if busd refuses the request."""
         watching = self._loop.create_task(self._watch(), name="watch the graph")
@@ -180,7 +184,9 @@ class Announcing:
                 withdraw()
                 self._release(local.node.id)
         elif self._publishers.pop(local.gid, None) is not None:
-            self._exports.withdraw(local.gid, lambda: self._release(local.node.id))
+            # A publisher that still exists was excluded by other rules, and would never come to an end.
+            is_excluded = self._local.hides(local.gid)
+            self._exports.withdraw(local.gid, lambda: self._release(local.node.id), is_excluded=is_excluded)
 
     def _release(self, node: int) -> None:
         self._in_use[node] -= 1

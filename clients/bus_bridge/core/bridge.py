@@ -98,6 +98,17 @@ class Bridge:
         finally:
             await self._close(tasks)
 
+    def reconfigure(self, rules: Rules, naming: Naming) -> None:
+        """Apply other rules, and other far names, but no other namespace.
+
+        Topics for which nothing has changed lose no message. Others end, come, or are shown again.
+        """
+        self._far.reconfigure(rules, naming)
+        self._local.reconfigure(rules, naming)
+        self._exports.reconfigure(rules)
+        self._announcing.look_again()
+        self._mirrors.notify()
+
     async def _close(self, tasks: list[asyncio.Task[Any]]) -> None:
         for task in tasks:
             task.cancel()

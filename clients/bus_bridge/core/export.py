@@ -62,6 +62,7 @@ class Export:
     def attach(self, writer: Writer, qos: QoSProfile, rule: RouteRule) -> None:
         """Use `writer`: the far side can see the publisher now."""
         self.writer = writer
+        self._depth = rule.depth or self._depth
         self.is_lossless = qos.is_lossless
         self._waiting.max_bytes = _most_bytes(is_lossless=qos.is_lossless)
         self._patience = min(qos.depth, self._depth) if qos.history is History.KEEP_LAST else self._depth

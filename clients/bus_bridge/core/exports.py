@@ -216,6 +216,14 @@ class Exports:
             )
         return found
 
+    def reconfigure(self, rules: Rules) -> None:
+        """Use other rules, for publishers and far subscriptions that come from now on."""
+        self._rules = rules
+        for route in self._routes.values():
+            rule = rules.crossing(route.topic.name).rule
+            route.depth = rule.depth or depth_for(route.schema)
+            route.is_local = not rule.transit
+
     def schema(self, topic: TypedTopic) -> MessageSchema | None:
         """The schema of a topic and type; None if no far subscription has them."""
         found = self._routes.get(topic)
@@ -245,14 +253,23 @@ class Exports:
         """Close the route of a publisher that the engine can't carry."""
         self._end(*self._of_gid.pop(gid))
 
-    def withdraw(self, gid: bytes, on_closed: Callable[[], object]) -> None:
+    def withdraw(self, gid: bytes, on_closed: Callable[[], object], *, is_excluded: bool = False) -> None:
         """End the route of a publisher that has gone. Its waiting messages are still sent if that is possible
-        soon; then `on_closed` is called."""
+        soon; then `on_closed` is called. `is_excluded`: the rules no longer let it cross, so it ends at
+        once."""
         known = self._of_gid.pop(gid, None)
         if known is None:
             on_closed()
             return
         route, export = known
+        if is_excluded:
+            if export.waiting:
+                self._on_trouble(
+                    f"'{route.topic.name}' no longer crosses, by the rules (messages lost: {export.waiting})"
+                )
+            self._end(route, export)
+            on_closed()
+            return
 
         sent, end_s = export.account.sent, self._loop.time() + _LINGER_S
 

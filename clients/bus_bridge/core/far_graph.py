@@ -10,10 +10,11 @@ from typing import Final, NamedTuple
 
 import msgspec
 
+from bus.qos import QoSProfile
 from bus_bridge.core.bounds import Bounds, News, wrong_bus, wrong_endpoint, wrong_node
 from bus_bridge.core.naming import Naming
 from bus_bridge.core.rules import Rules
-from bus_bridge.engine import FarBus, FarEndpoint, FarNode
+from bus_bridge.engine import FarBus, FarEndpoint, FarNode, RouteRule
 
 __all__ = ["FarGraph", "Mirrored", "MirroredNode", "Wrong"]
 
@@ -45,8 +46,9 @@ class Mirrored(msgspec.Struct, frozen=True):
     node: MirroredNode
     topic: str
     """The name of the topic on this bus."""
-    max_rate_hz: float | None = None
-    """The limit that a rule sets for the topic."""
+    qos: QoSProfile
+    """The QoS of its mirror."""
+    rule: RouteRule
 
 
 class Wrong(NamedTuple):
@@ -118,6 +120,17 @@ class FarGraph:
     def ways(self, gid: bytes) -> list[str]:
         """The buses through which an endpoint with this gid arrives, except this bus itself."""
         return [self._nodes[key].bus.id for key in self._endpoints.get(gid, ()) if key in self._known_nodes]
+
+    def reconfigure(self, rules: Rules, naming: Naming) -> None:
+        """Apply other rules, and other far names. Endpoints for which nothing has changed stay as they
+        are."""
+        self._rules, self._naming = rules, naming
+        for gid in tuple(self._endpoints):
+            self._choose(gid)
+
+    def knows(self, gid: bytes) -> bool:
+        """Whether a far bus has an endpoint with this gid, even if it is not mirrored."""
+        return gid in self._endpoints
 
     def wrong(self, key: str, reason: str) -> Wrong | None:
         """Make a fault for an endpoint of a node; None if the node has gone."""
@@ -273,7 +286,11 @@ class FarGraph:
         """Choose the way by which an endpoint is mirrored, if any: the first one, as long as it exists."""
         known = self.endpoints.pop(gid, None)
         ways = self._endpoints.get(gid, {})
-        if known is not None and ways.get(known.far.node) is known.far:
+        if (
+            known is not None
+            and ways.get(known.far.node) is known.far
+            and self._mirrored(known.far) == known  # otherwise the rules have changed
+        ):
             self.endpoints[gid] = known
             return
         if known is not None:
@@ -301,7 +318,8 @@ class FarGraph:
         # This bus shows a far subscription only if messages may go out to it.
         if not (crossing.comes_in if endpoint.kind == "publisher" else crossing.goes_out):
             return None
-        return Mirrored(endpoint, node, topic, crossing.rule.max_rate_hz)
+        qos = crossing.qos_of(endpoint.kind, endpoint.qos)
+        return Mirrored(endpoint, node, topic, qos, crossing.rule)
 
     def _too_much(self, announcer: _Announcer) -> Wrong:
         rate = self._bounds.news_per_s

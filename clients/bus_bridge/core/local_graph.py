@@ -54,6 +54,7 @@ class LocalGraph:
         self._rules = rules
         self._naming = naming
         self._far_bus = far_bus
+        self._has_other_rules = False
         self._node_numbers = 0
         self._nodes: dict[int, tuple[_Key, LocalNode | None]] = {}  # by busd's number of the node
         self._absent: dict[_Key, list[LocalNode]] = {}
@@ -75,6 +76,11 @@ class LocalGraph:
         """Remove an endpoint that can't be shown to the far side."""
         self.endpoints.pop(gid, None)
 
+    def reconfigure(self, rules: Rules, naming: Naming) -> None:
+        """Apply other rules, and other far names, from the next `update` on."""
+        self._rules, self._naming = rules, naming
+        self._has_other_rules = True
+
     def is_other_busd(self, graph: Graph) -> bool:
         """Whether `graph` comes from a new busd. Most endpoints that are missing in it will come back."""
         pid, revision = self._seen_at
@@ -89,7 +95,7 @@ class LocalGraph:
         """Update to `graph`; returns the changes. With `keeps`, nothing is removed: missing nodes and
         endpoints may come back."""
         changes = Changes()
-        looks_at_all = keeps or self.is_other_busd(graph)
+        looks_at_all = keeps or self.is_other_busd(graph) or self._has_other_rules
         present = {one.gid: one for one in graph.subscriptions}
         present.update((one.gid, one) for one in graph.publishers)
         if self.is_other_busd(graph):
@@ -111,6 +117,7 @@ class LocalGraph:
             # A mirror that came another way may have replaced another node's endpoint between two graphs.
             if looks_at_all or seen is None or seen.id != endpoint.id:
                 self._update_endpoint(endpoint, changes)
+        self._has_other_rules = False
         return changes
 
     def add_short(self, match: Match, kind: tuple[str, str, str]) -> Changes:
@@ -124,7 +131,8 @@ class LocalGraph:
             return Changes()
         wire = self._to_wire(topic, changes)
         if wire is not None:
-            local = LocalEndpoint("publisher", match.gid, node, wire, type_name, type_hash, match.qos)
+            qos = crossing.qos_of("publisher", match.qos)
+            local = LocalEndpoint("publisher", match.gid, node, wire, type_name, type_hash, qos)
             changes.publishers.append(Shown(local, topic, match.node, crossing.rule))
         return changes
 
@@ -155,6 +163,9 @@ class LocalGraph:
                 for one in (*graph.publishers, *graph.subscriptions)
                 if one.node.origin is not None and self._crossing(one) is not None
             }
+        if self._has_other_rules:
+            out = [number for number in self._nodes if present[number].origin and number not in transits]
+            changes.gone_nodes += [node for number in out if (node := self._nodes.pop(number)[1])]
         for number in present.keys() - self._nodes.keys():
             found = present[number]
             if found.origin is not None and number not in transits:
@@ -199,9 +210,8 @@ class LocalGraph:
         if topic is None:
             return None
         kind: EndpointKind = "publisher" if endpoint.kind == "publisher" else "subscription"
-        local = LocalEndpoint(
-            kind, endpoint.gid, node, topic, endpoint.type_name, endpoint.type_hash, endpoint.qos
-        )
+        qos = crossing.qos_of(kind, endpoint.qos)
+        local = LocalEndpoint(kind, endpoint.gid, node, topic, endpoint.type_name, endpoint.type_hash, qos)
         return Shown(local, endpoint.topic, endpoint.node.full_name, crossing.rule)
 
     def _to_wire(self, topic: str, changes: Changes) -> str | None:

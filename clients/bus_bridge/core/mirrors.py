@@ -215,7 +215,7 @@ class Mirrors:
     def _stays_until(self, mirror: EndpointMirror) -> float:
         is_kept = (
             mirror.publisher is not None
-            and mirror.far.far.gid not in self._far.endpoints
+            and not self._far.knows(mirror.far.far.gid)
             and mirror.far.far.qos.durability is Durability.TRANSIENT_LOCAL
         )
         if not is_kept:
@@ -242,7 +242,7 @@ class Mirrors:
             if far is None or far is mirror.far or mirror.is_leaving or mirror.way is None:
                 continue
             is_same = (
-                far.topic == mirror.far.topic
+                (far.topic, far.qos, far.rule) == (mirror.far.topic, mirror.far.qos, mirror.far.rule)
                 and msgspec.structs.replace(far.far, node=mirror.far.far.node) == mirror.far.far
                 and self._nodes.get(far.node.key) is mirror.node
             )
@@ -373,7 +373,7 @@ class Mirrors:
             lateness,
             on_fault,
             numbering=_numbering(far),
-            max_rate_hz=far.max_rate_hz,
+            max_rate_hz=far.rule.max_rate_hz,
         )
         if past is not None:
             mirror.way.resume(past)
@@ -387,7 +387,7 @@ class Mirrors:
             subscription = await node.create_subscription(
                 schema,
                 far.topic,
-                far.far.qos,
+                far.qos,
                 raw=True,
                 events=SubscriptionEvents(matched=lambda change: route.matches_changed()),
                 gid=far.far.gid,
@@ -442,7 +442,7 @@ class Mirrors:
             self._warn(f"while a mirror was closed: {in_words(error)}")
 
     def _offer(self, far: Mirrored) -> QoSProfile:
-        qos = far.far.qos
+        qos = far.qos
         if qos.liveliness is Liveliness.MANUAL_BY_TOPIC:
             self._warn(
                 f"'{far.topic}': manual liveliness does not cross a bridge; far publishers have automatic "

@@ -11,11 +11,13 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from bus.names import is_hidden_topic, request_topic, service_of_topic
+from bus.errors import ConfigurationError
+from bus.names import is_hidden_topic, request_topic, service_of_topic, validate_full_topic_name
 from bus.parameters.messages import SERVICES
-from bus.qos import MAX_DEPTH
+from bus.qos import MAX_DEPTH, QoSProfile
 from bus.topic_patterns import compiled
-from bus_bridge.engine import Priority, RouteRule
+from bus_bridge.core.qos_rule import AS_IT_IS, QosRule
+from bus_bridge.engine import EndpointKind, Priority, RouteRule
 
 __all__ = ["Crossing", "Direction", "Kind", "Rules", "TopicRule", "kind_of", "subject_of"]
 
@@ -48,6 +50,12 @@ class TopicRule(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     max_rate_hz: Annotated[float, Meta(gt=0)] | None = None
     priority: Priority | None = None
     transit: bool | None = None
+    far_name: str | None = None
+    """The name on the far side of the topic, service or action whose name is `pattern`."""
+    publisher: QosRule | None = None
+    """The QoS with which publishers are shown on the other side."""
+    subscription: QosRule | None = None
+    """The QoS with which subscriptions are shown on the other side."""
 
 
 class Crossing(msgspec.Struct, frozen=True):
@@ -58,6 +66,12 @@ class Crossing(msgspec.Struct, frozen=True):
     comes_in: bool
     """Whether messages of the far side come to this bus."""
     rule: RouteRule
+    publisher: QosRule = AS_IT_IS
+    subscription: QosRule = AS_IT_IS
+
+    def qos_of(self, kind: EndpointKind, qos: QoSProfile) -> QoSProfile:
+        """The QoS with which an endpoint is shown on the other side."""
+        return (self.publisher if kind == "publisher" else self.subscription).applied(qos)
 
 
 class Rules:
@@ -66,7 +80,7 @@ class Rules:
     Without `allow`, all topics cross except private ones. `deny` is stronger than `allow`. If several of
     `topics` match a topic and set the same option, the last one counts.
 
-    Raises ConfigurationError for a pattern that can't match anything.
+    Raises ConfigurationError for a pattern that can't match anything, and for impossible far names.
     """
 
     def __init__(
@@ -81,6 +95,8 @@ class Rules:
         self._deny = [compiled(one, "deny") for one in deny]
         self._topics = [(one, compiled(one.pattern, f"{table}.topics.pattern")) for one in topics]
         self._known: dict[str, Crossing] = {}
+        self.far_names = _far_names((one for one, _ in self._topics), f"{table}.topics.far_name")
+        """Names on the far side by the names of topics, services and actions on this bus."""
 
     @property
     def has_transit(self) -> bool:
@@ -100,19 +116,24 @@ class Rules:
         subject, kind = subject_of(topic), kind_of(topic)
         direction: Direction = "both"
         changes: dict[str, object] = {}
+        qos = {"publisher": AS_IT_IS, "subscription": AS_IT_IS}
         for one, pattern in self._topics:
             if one.kind in (None, kind) and pattern.fullmatch(subject):
                 said = {name: value for name, value in _fields(one).items() if value is not None}
                 direction = said.pop("direction", direction)  # type: ignore[assignment]
+                for end, before in qos.items():
+                    setting = said.pop(end, None)
+                    if kind == "topics" and isinstance(setting, QosRule):
+                        qos[end] = setting.over(before)
                 changes |= said
         rule = RouteRule(**changes)  # type: ignore[arg-type]
         if not self._may_cross(subject):
-            return Crossing(goes_out=False, comes_in=False, rule=rule)
+            return Crossing(False, False, rule)
         ways = direction in ("both", "out"), direction in ("both", "in")
         service = service_of_topic(topic)
         if service is not None and topic == request_topic(service):
             ways = ways[1], ways[0]  # requests go to the server's side
-        return Crossing(goes_out=ways[0], comes_in=ways[1], rule=rule)
+        return Crossing(*ways, rule, qos["publisher"], qos["subscription"])
 
     def _may_cross(self, subject: str) -> bool:
         if any(pattern.fullmatch(subject) for pattern in self._deny):
@@ -144,5 +165,33 @@ def kind_of(topic: str) -> Kind:
 
 def _fields(rule: TopicRule) -> dict[str, object]:
     found = msgspec.structs.asdict(rule)
-    del found["pattern"], found["kind"]
+    found |= {end: getattr(rule, end) for end in ("publisher", "subscription")}
+    del found["pattern"], found["kind"], found["far_name"]
+    return found
+
+
+def _far_names(rules: Iterable[TopicRule], key: str) -> dict[str, str]:
+    """Names on the far side by names here. Raises ConfigurationError, which begins with `key`."""
+    found: dict[str, str] = {}
+    for one in rules:
+        if one.far_name is None:
+            continue
+        for name in (one.pattern, one.far_name):
+            try:
+                validate_full_topic_name(name)
+            except ConfigurationError as error:
+                what = "its pattern must be one name, without wildcards" if name is one.pattern else ""
+                what = what or " ".join(line.strip() for line in str(error).splitlines()[:2])
+                raise ConfigurationError(f"{key} = '{one.far_name}': {what}") from None
+            if (subject := subject_of(name)) != name:
+                raise ConfigurationError(
+                    f"{key} = '{one.far_name}': '{name}' is a part of '{subject}'; use that name"
+                )
+        if one.kind is not None:
+            raise ConfigurationError(f"{key} = '{one.far_name}': such a rule can't have a 'kind'")
+        found[one.pattern] = one.far_name
+    here: dict[str, str] = {}
+    for name, far_name in found.items():
+        if (other := here.setdefault(far_name, name)) != name:
+            raise ConfigurationError(f"{key} = '{far_name}' is given to both '{other}' and '{name}'")
     return found

@@ -8,6 +8,7 @@
     translations: `names.py`, `qos.py`; types, payloads and routes out: `bus_bridge.ros2`
 
     services: `bus_bridge.ros2` <-> `services.py` (`service_identity.py`) <-> `bus_bridge.rtps`
+    how far it looks: `environment.py` (ROS 2's variables), `options.py`, `interfaces.py`
     far servers and clients: `discovery.py` (`client_pairs.py`), as other endpoints
 
 Invariants:
@@ -24,5 +25,6 @@ Read first: `engine.py`, `names.py`, then `rtps_topics.py`, the simpler carrier.
 Tests: `tests/unit/bus_bridge/dds/`, `tests/system/test_bridge_dds_engine.py`,
 `tests/system/test_bridge_dds_ros.py`, `tests/system/test_bridge_ros2.py`; of services
 `tests/system/test_rtps_services_ros.py`, `tests/system/test_bridge_ros2_services.py`,
-`tests/system/test_bridge_ros2_lifecycle.py`, `tests/system/test_bridge_ros2_deaths.py`.
+`tests/system/test_bridge_ros2_lifecycle.py`, `tests/system/test_bridge_ros2_deaths.py`; how far it looks
+`tests/system/test_bridge_discovery_range.py`.
 """

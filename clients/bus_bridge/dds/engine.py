@@ -38,6 +38,7 @@ from bus_bridge.errors import BridgeError, NotCarried
 from bus_bridge.ros2.known_types import KnownType, KnownTypes
 from bus_bridge.ros2.service_types import KnownServices
 from bus_bridge.ros2.service_ways import ServiceWays
+from bus_bridge.rtps.reach import Reach
 
 __all__ = ["DdsEngine"]
 
@@ -77,10 +78,10 @@ class DdsEngine:
     async def open(self, far: FarSide) -> None:
         self._far = far
         self._bus = FarBus(self.only_bus)
-        host, peers = await self._find_network()
-        carrier = self._make_carrier(host, peers)
+        reach = await self._find_network()
+        carrier = self._make_carrier(reach)
         try:
-            self._services = self._join_services(host, peers)
+            self._services = self._join_services(reach)
         except BaseException:
             carrier.close()
             raise
@@ -253,18 +254,18 @@ class DdsEngine:
     def _far_kinds(self, topic: str) -> set[ReaderKind]:
         return set(self._discovery.publishers.get(topic, {}).values())
 
-    def _make_carrier(self, host: str, peers: tuple[str, ...]) -> Carrier:
+    def _make_carrier(self, reach: Reach) -> Carrier:
         """Join the domain, for topics. Raises BridgeError."""
         if self.has_numbers:
             from bus_bridge.dds.rtps_topics import RtpsCarrier
 
-            return RtpsCarrier(self._options.domain, host, peers, self._mark)
+            return RtpsCarrier(self._options.domain, reach, self._mark)
         from bus_bridge.dds.cyclone import CycloneCarrier
 
         return CycloneCarrier(self._options, self._mark)
 
-    async def _find_network(self) -> tuple[str, tuple[str, ...]]:
-        """The address of our interface, and those of the peers. Raises BridgeError."""
+    async def _find_network(self) -> Reach:
+        """The place of our participants, with addresses instead of names. Raises BridgeError."""
         options = self._options
         peers = []
         for peer in options.peers:
@@ -276,16 +277,16 @@ class DdsEngine:
                 peers.append(str(found[0][4][0]))
         if options.interface:
             check_interface(options.interface)
-        return LOOPBACK if options.is_local else address_of(options.interface), tuple(peers)
+        host = LOOPBACK if options.is_local else address_of(options.interface)
+        return Reach(host, tuple(peers), options.discovery)
 
-    def _join_services(self, host: str, peers: tuple[str, ...]) -> Services:
+    def _join_services(self, reach: Reach) -> Services:
         """Join the domain, for services. Raises BridgeError."""
         return Services(
             self._options.domain,
             self._far.warn,
             lambda guid: self._service_ways.endpoint_gone(guid),
-            host=host,
-            peers=peers,
+            reach=reach,
             user_data=user_data({ENCLAVE: "/", **self._mark}),
         )
 

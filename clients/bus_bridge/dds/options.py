@@ -8,8 +8,9 @@ import msgspec
 
 from bus_bridge.errors import BridgeError
 from bus_bridge.ros2.domain import MAX_DOMAIN, chosen_domain
+from bus_bridge.rtps.reach import DiscoveryRange
 
-__all__ = ["CarrierName", "DdsOptions", "Distro", "checked_interface", "checked_peer"]
+__all__ = ["CarrierName", "DdsOptions", "Distro", "checked_interface", "checked_peer", "far_of"]
 
 Distro = Literal["auto", "humble"]
 CarrierName = Literal["auto", "cyclonedds", "rtps"]
@@ -29,6 +30,8 @@ class DdsOptions(msgspec.Struct, frozen=True):
     form of the first ROS 2 participant, or the newer form if there is none."""
     carrier: CarrierName = "auto"
     """What carries topics: cyclonedds, or the RTPS of busd. `auto`: cyclonedds if it is installed."""
+    discovery: DiscoveryRange = "SUBNET"
+    """How far the bridge looks for ROS 2's nodes, within the reach of `interface`."""
 
     @property
     def carrier_used(self) -> CarrierName:
@@ -54,8 +57,7 @@ class DdsOptions(msgspec.Struct, frozen=True):
         checked_interface(self.interface)
         for peer in self.peers:
             checked_peer(peer)
-        far = [peer for peer in self.peers if not _is_loopback(peer)]
-        if far and self.is_local:
+        if (far := far_of(self.peers)) and self.is_local:
             raise BridgeError(
                 f"{far[0]} can't be reached over the loopback interface: name the interface towards it, as "
                 "in --interface eth0"
@@ -78,6 +80,11 @@ def checked_peer(text: str) -> str:
     if not text or not _is_plain(text):
         raise BridgeError(f"'{text}' is not the address of a machine")
     return text
+
+
+def far_of(peers: tuple[str, ...]) -> list[str]:
+    """The peers that are not this machine."""
+    return [peer for peer in peers if not _is_loopback(peer)]
 
 
 def _is_plain(text: str) -> bool:

@@ -5,10 +5,11 @@ Owns: cyclonedds' configuration, its entities and its QoS objects. Must not know
 
 import os
 from collections.abc import Callable
+from secrets import token_hex
 from typing import Any, Final
 
 from bus_bridge.dds import raw
-from bus_bridge.dds.interfaces import check_interface, is_address
+from bus_bridge.dds.interfaces import LOOPBACK, address_of, check_interface, is_address
 from bus_bridge.dds.options import DdsOptions
 from bus_bridge.dds.qos import INFINITE, Policies
 from bus_bridge.errors import BridgeError
@@ -37,21 +38,32 @@ _SETTINGS: Final = (
 
 
 def configuration(options: DdsOptions, user_uri: str = "") -> str:
-    """Cyclone's configuration. The user's CYCLONEDDS_URI takes precedence, and replaces the network part."""
+    """Cyclone's configuration. The user's CYCLONEDDS_URI takes precedence, and replaces the network part.
+
+    Raises BridgeError like `address_of`.
+    """
     if user_uri:
         return f"<CycloneDDS><Domain>{_COMPATIBILITY}</Domain></CycloneDDS>,{user_uri}"
     peers = list(options.peers)
     if options.is_local:
-        address = options.interface if ":" in options.interface else "127.0.0.1"
+        address = options.interface if ":" in options.interface else LOOPBACK
         interface = f"<NetworkInterface address='{address}' multicast='false'/>"
         peers.append(address)
     else:
         kind = "address" if is_address(options.interface) else "name"
-        interface = f"<NetworkInterface {kind}='{options.interface}'/>"
+        is_quiet = options.discovery in ("OFF", "LOCALHOST")
+        more = " multicast='false'" if is_quiet else ""
+        interface = f"<NetworkInterface {kind}='{options.interface}'{more}/>"
+        if is_quiet:  # nodes of this machine would be found by multicast
+            peers.append(address_of(options.interface))
     listed = "".join(f"<Peer address='{peer}' PruneDelay='inf'/>" for peer in dict.fromkeys(peers))
+    discovery = f"<Peers>{listed}</Peers>{_PARTICIPANTS}{_CALLS}"
+    if options.discovery == "OFF":
+        # Participants with different tags ignore each other.
+        discovery = f"<ParticipantIndex>none</ParticipantIndex><Tag>busd_{token_hex(8)}</Tag>"
     return (
         f"<CycloneDDS><Domain><General><Interfaces>{interface}</Interfaces></General>"
-        f"<Discovery><Peers>{listed}</Peers>{_PARTICIPANTS}{_CALLS}</Discovery>"
+        f"<Discovery>{discovery}</Discovery>"
         f"{_SETTINGS}</Domain></CycloneDDS>,<CycloneDDS><Domain>{_COMPATIBILITY}</Domain></CycloneDDS>"
     )
 

@@ -36,6 +36,7 @@ from bus_bridge.ros2.route_out import RouteOut
 from bus_bridge.ros2.type_names import type_to_dds
 from bus_bridge.rtps.announcements import EndpointData, ParticipantData, Policies
 from bus_bridge.rtps.ids import PARTICIPANT, PREFIX_BYTES
+from bus_bridge.rtps.reach import Reach
 from bus_bridge.rtps.reader import Arrived
 from bus_bridge.rtps.running import RunningParticipant
 from bus_bridge.rtps.writer import Keeping
@@ -66,7 +67,7 @@ class RtpsCarrier:
 
     has_numbers = True
 
-    def __init__(self, domain: int, host: str, peers: tuple[str, ...], mark: dict[str, str]) -> None:
+    def __init__(self, domain: int, reach: Reach, mark: dict[str, str]) -> None:
         self._mark = mark
         self._loop = asyncio.get_running_loop()
         self._listener: Listener | None = None
@@ -81,7 +82,7 @@ class RtpsCarrier:
         self._last: dict[bytes, int] = {}
         """The last number of writers that were read before, by GUID."""
         self.participant = RunningParticipant(
-            domain, self, _is_wanted, host=host, peers=peers, user_data=user_data({ENCLAVE: "/", **mark})
+            domain, self, _is_wanted, reach=reach, user_data=user_data({ENCLAVE: "/", **mark})
         )
         self._nodes = _Nodes(self.participant, mark)
 

@@ -28,11 +28,13 @@ from bus_bridge.ros2.turns import TurnsOfServices
 from bus_bridge.rtps.announcements import EndpointData, ParticipantData
 from bus_bridge.rtps.ids import PREFIX_BYTES
 from bus_bridge.rtps.parameters import RtpsError
+from bus_bridge.rtps.reach import Reach
 from bus_bridge.rtps.reader import Arrived
 from bus_bridge.rtps.running import RunningParticipant
 
 __all__ = ["ServiceClient", "ServiceServer", "Services"]
 
+_LOOPBACK: Final = Reach()
 _REQUESTS, _REPLIES = "rq/", "rr/"
 _OF_RESULTS: Final = "/_action/get_resultRequest"
 _MOST_OF_CLIENT: Final = 1000
@@ -62,8 +64,7 @@ class Services:
         warn: Callable[[str], None],
         on_gone: Callable[[bytes], object] = lambda guid: None,
         *,
-        host: str = "127.0.0.1",
-        peers: tuple[str, ...] = (),
+        reach: Reach = _LOOPBACK,
         user_data: bytes = b"enclave=/;",
     ) -> None:
         self.warn = warn
@@ -73,9 +74,7 @@ class Services:
         self._vendors: dict[bytes, bytes] = {}
         """Vendors of far endpoints, by GUID."""
         self.turns = TurnsOfServices()
-        self.participant = RunningParticipant(
-            domain, self, _is_of_service, host=host, peers=peers, user_data=user_data
-        )
+        self.participant = RunningParticipant(domain, self, _is_of_service, reach=reach, user_data=user_data)
 
     def for_end(self, node: LocalNode, types: ServiceTypes) -> "Services":
         """As `CallCarrier`: nodes don't matter here."""

@@ -4,7 +4,7 @@
     samples <-> `writer.py` <-> `messages.py` <-> `reader.py` (`fragments.py`, `room.py`; states: `lives.py`)
 
     datagrams <-> `participant.py` (readers, writers, `far.py`, `outbox.py`) <-> its user
-    event loop: `running.py` (`sockets.py`)
+    event loop: `running.py` (`sockets.py`; the addresses to call: `reach.py`)
 
 All except `running.py` and `sockets.py` is pure: bytes, values and times in, bytes and values out.
 

@@ -1,7 +1,6 @@
 """A participant on the event loop: its sockets, and a timer."""
 
 import asyncio
-import ipaddress
 import os
 import time
 from collections.abc import Callable
@@ -11,25 +10,24 @@ from bus_bridge.rtps.announcements import RELIABLE, EndpointData, Policies
 from bus_bridge.rtps.far import USUAL_BOUNDS, Bounds
 from bus_bridge.rtps.ids import OUR_VENDOR, PREFIX_BYTES
 from bus_bridge.rtps.participant import Events, Local, Participant, Settings
+from bus_bridge.rtps.reach import Reach
 from bus_bridge.rtps.reader import Arrived
-from bus_bridge.rtps.sockets import GROUP, Sockets, discovery_port, multicast_port
+from bus_bridge.rtps.sockets import Sockets
 from bus_bridge.rtps.writer import USUAL, Keeping
 
 __all__ = ["RunningParticipant"]
 
-_CALLED: Final = 32
-"""Participants of a machine that are called without multicast."""
 _PACKET_BYTES: Final = 1400
 """What fits into one packet of most networks."""
 _LONGEST_SLEEP_S: Final = 3600.0
+_LOOPBACK: Final = Reach()
 
 
 class RunningParticipant:
     """A participant in a DDS domain, until `close`.
 
-    `host`: the IPv4 address of the interface. On loopback there is no multicast, and nothing leaves this
-    machine. `peers`: addresses of further machines. Use it on its event loop only. Raises BridgeError if
-    the address or the domain is not available.
+    Use it on its event loop only. Raises BridgeError if the address of `reach` or the domain is not
+    available.
     """
 
     def __init__(
@@ -38,25 +36,21 @@ class RunningParticipant:
         events: Events,
         is_wanted: Callable[[EndpointData], bool],
         *,
-        host: str = "127.0.0.1",
-        peers: tuple[str, ...] = (),
+        reach: Reach = _LOOPBACK,
         user_data: bytes = b"enclave=/;",
         bounds: Bounds = USUAL_BOUNDS,
     ) -> None:
         self.loop = asyncio.get_running_loop()
-        is_local = ipaddress.ip_address(host).is_loopback
-        self._sockets = Sockets(domain, host, multicast=not is_local)
-        called = [(GROUP, multicast_port(domain))] if not is_local else []
-        for peer in dict.fromkeys((host, *peers) if is_local else peers):
-            called += [(peer, discovery_port(domain, index)) for index in range(_CALLED)]
+        self._is_deaf = reach.is_off
+        self._sockets = Sockets(domain, reach.host, multicast=reach.has_multicast)
         settings = Settings(
             OUR_VENDOR + os.urandom(PREFIX_BYTES - len(OUR_VENDOR)),
             (self._sockets.address,),
-            tuple(one for one in called if one != self._sockets.address),
+            tuple(one for one in reach.called(domain) if one != self._sockets.address),
             user_data,
             bounds=bounds,
         )
-        if not is_local:
+        if not reach.is_local:
             settings = settings._replace(datagram_bytes=_PACKET_BYTES, fragment_bytes=_PACKET_BYTES - 200)
         self.core = Participant(settings, self._sockets.send, events, is_wanted)
         self._timer: asyncio.TimerHandle | None = None
@@ -166,7 +160,8 @@ class RunningParticipant:
     def _receive(self, descriptor: int) -> None:
         now_ns = time.monotonic_ns()
         self._sockets.receive(
-            descriptor, lambda datagram, source: self.core.receive(datagram, source, now_ns)
+            descriptor,
+            lambda datagram, source: None if self._is_deaf else self.core.receive(datagram, source, now_ns),
         )
         self._plan()
 

@@ -1,5 +1,6 @@
 """Shared code of the verbs that run a bridge: their options, and the file to which they add them."""
 
+import signal
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -77,23 +78,29 @@ def run_bridge(args: Namespace, engine: str, flags: dict[str, Any]) -> int:
 
     `flags`: further options of the command line, by the keys of busd.toml.
     """
+    from bus.process.terminal import has_terminal
     from bus_bridge.config import TABLES, load, merged
     from bus_bridge.extras import EXTRAS, why_missing
 
+    if not args.service and not has_terminal():
+        signal.signal(signal.SIGHUP, signal.SIG_IGN)  # a reload that comes too early must not end the bridge
     path = socket_path(args.socket, args.domain)
-    table = _from_flags(TABLES[engine], args, flags)
+    options = _from_flags(TABLES[engine], args, flags)
     if args.service:
         return change_service(args, engine, words_of(flags | _how_to_run(args, TABLES[engine])))
     if not EXTRAS[engine].is_optional and (why := why_missing(engine)):
         raise CommandError(why)
-    if file := args.config or config_file(path):
-        table = merged(load(file, TABLES[engine]), table)
     from bus_bridge.program import Plan
+    from bus_bridge.reloading import Source
 
+    table, source = options, None
+    if file := args.config or config_file(path):
+        source = Source(file, lambda: merged(load(file, TABLES[engine]), options))
+        table = source.load()
     plan = Plan(engine, table)
     with Query(path):  # starts a busd if none runs; busd makes the folder that gives the bus its id
         pass
-    run_stream(plan.run(path, args.log_level))
+    run_stream(plan.run(path, args.log_level, source))
     return 0
 
 

@@ -10,6 +10,7 @@ from orders import serve
 
 from bus_bridge.dds.services import ServiceClient, Services
 from bus_bridge.ros2.calls import RequestId
+from bus_bridge.rtps.reach import Reach
 
 
 class Peer:
@@ -26,7 +27,7 @@ class Peer:
         return asyncio.run_coroutine_threadsafe(work, self._loop).result()
 
     async def _open(self, domain: int, host: str) -> Services:
-        return Services(domain, self._warnings.append, host=host)
+        return Services(domain, self._warnings.append, reach=Reach(host))
 
     def offer(self, service: str, type_name: str) -> None:
         """Make a server that answers with the request."""

@@ -8,6 +8,7 @@ from msgspec import structs
 
 from bus.errors import ConfigurationError
 from bus_bridge.config import load, merged
+from bus_bridge.core.qos_rule import QosRule
 from bus_bridge.core.rules import TopicRule
 from bus_bridge.options import BridgeTable, Ros2Table, TlsTable, ZenohTable
 from busd.config.file import BridgeTables, Config
@@ -49,6 +50,11 @@ def test_everything_can_be_set(file: Path) -> None:
         max_rate_hz = 10
         priority = "data_low"
         transit = true
+        [[bridge.zenoh.topics]]
+        pattern = "/scan"
+        far_name = "/front/scan"
+        publisher = { reliability = "best_effort", depth = 1 }
+        subscription.durability = "volatile"
         [bridge.ros2]
         domain_id = 3
         interface = "eth0"
@@ -75,6 +81,12 @@ def test_everything_can_be_set(file: Path) -> None:
                 max_rate_hz=10.0,
                 priority="data_low",
                 transit=True,
+            ),
+            TopicRule(
+                pattern="/scan",
+                far_name="/front/scan",
+                publisher=QosRule(reliability="best_effort", depth=1),
+                subscription=QosRule(durability="volatile"),
             ),
         ),
     )
@@ -116,6 +128,18 @@ def test_everything_can_be_set(file: Path) -> None:
         (
             "[[bridge.zenoh.topics]]\npattern = '/a'\nmax_rate = 5",
             "unknown key 'bridge.zenoh.topics[0].max_rate'; did you mean 'max_rate_hz'?",
+        ),
+        (
+            "[[bridge.zenoh.topics]]\npattern = '/a'\npublisher = { reliabilty = 'reliable' }",
+            "unknown key 'bridge.zenoh.topics[0].publisher.reliabilty'; did you mean 'reliability'?",
+        ),
+        (
+            "[[bridge.zenoh.topics]]\npattern = '/a'\nsubscription = { reliability = 'best' }",
+            "bridge.zenoh.topics[0].subscription.reliability = 'best': expected one of reliable, best_effort",
+        ),
+        (
+            "[[bridge.zenoh.topics]]\npattern = '/a'\nsubscription = 'best'",
+            "bridge.zenoh.topics[0].subscription: expected a table, got 'best'",
         ),
         (
             "[[bridge.zenoh.topics]]\npattern = '/a'\ndirection = 'inn'",

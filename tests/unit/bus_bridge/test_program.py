@@ -8,7 +8,7 @@ from bus.errors import BusError
 from bus_bridge import extras
 from bus_bridge.core.rules import TopicRule
 from bus_bridge.options import BridgeTable, Ros2Table, TlsTable, ZenohTable
-from bus_bridge.program import Plan
+from bus_bridge.program import Plan, node_name
 from rows import for_each
 
 needs_zenoh = pytest.mark.skipif(find_spec("zenoh") is None, reason="needs eclipse-zenoh")
@@ -94,3 +94,20 @@ def test_packages_that_ros_2_on_zenoh_needs(monkeypatch: pytest.MonkeyPatch) -> 
 def test_what_can_be() -> None:
     Plan("zenoh", ZenohTable(listen=PLACE, namespace="bot1", id="robot", allow=("/camera/**",)))
     Plan("zenoh", ZenohTable(connect=("tcp/10.0.0.2:7447",), insecure=True))
+
+
+@for_each(
+    ("engine", "table", "name"),
+    [
+        ("zenoh", ZenohTable(), "bridge_zenoh"),
+        ("ros2", Ros2Table(), "bridge_ros2_7"),
+        ("ros2", Ros2Table(domain_id=0), "bridge_ros2"),
+        ("ros2", Ros2Table(domain_id=5, rmw="dds"), "bridge_ros2_5"),
+        ("ros2", Ros2Table(domain_id=5, rmw="zenoh"), "bridge_rmw_zenoh_5"),
+    ],
+)
+def test_each_domain_and_middleware_of_ros_2_has_its_own_node(
+    engine: str, table: BridgeTable, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ROS_DOMAIN_ID", "7")
+    assert node_name(engine, table) == name

@@ -267,3 +267,34 @@ def test_whatever_is_said_the_rest_is_what_is_there(steps: list[tuple[str, str, 
         assert {int.from_bytes(one) for one in graph.endpoints} == {gid for gid, _ in endpoints}
         used = {one.node.key for one in graph.endpoints.values()}
         assert set(graph.nodes) == {key for key in nodes if not key.endswith("/0") or key in used}
+
+
+def test_other_rules_change_only_what_they_concern() -> None:
+    graph = far()
+    graph.node_added(node("1"), 0)
+    for number, topic in enumerate(("/a", "/b", "/c"), 1):
+        graph.endpoint_added(endpoint(number, "1", topic), 0)
+    before = dict(graph.endpoints)
+    gids = {one.topic: gid for gid, one in before.items()}
+    rules = Rules(deny=["/a"], topics=[TopicRule(pattern="/b", max_rate_hz=5.0)])
+    graph.reconfigure(rules, Naming("", rules.far_names))
+    assert topics(graph) == ["/b", "/c"]
+    assert graph.endpoints[gids["/c"]] is before[gids["/c"]]
+    assert graph.endpoints[gids["/b"]].rule.max_rate_hz == 5.0
+    assert graph.knows(gids["/a"]) and not graph.knows(bytes(16))
+    rules = Rules(topics=[TopicRule(pattern="/d", far_name="/c")])
+    graph.reconfigure(rules, Naming("", rules.far_names))
+    assert topics(graph) == ["/a", "/b", "/d"]
+    assert list(graph.nodes) == ["1"]
+
+
+def test_other_rules_for_a_node_outside_of_the_namespace() -> None:
+    graph = far("/bot1")
+    graph.node_added(node("1", namespace="/other"), 0)
+    graph.endpoint_added(endpoint(1, "1", "/bot1/t"), 0)
+    assert (list(graph.nodes), topics(graph)) == (["1"], ["/t"])
+    for _ in range(2):
+        graph.reconfigure(Rules(deny=["/t"]), Naming("/bot1"))
+        assert (list(graph.nodes), topics(graph)) == ([], [])
+        graph.reconfigure(Rules(), Naming("/bot1"))
+        assert (list(graph.nodes), topics(graph)) == (["1"], ["/t"])

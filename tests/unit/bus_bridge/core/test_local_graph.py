@@ -175,3 +175,27 @@ def test_a_publisher_that_no_graph_has_shown() -> None:
         "once",
     )
     assert told(seen.add_short(match, ("/secret", "t", "h"))) == {}
+
+
+def test_other_rules_change_only_what_they_concern() -> None:
+    one, far = node(1), node(2, origin=Origin("zenoh", "b"))
+    ends = [endpoint("publisher", number, one, topic) for number, topic in enumerate(("/a", "/b", "/c"), 1)]
+    ends.append(endpoint("publisher", 4, far, "/t"))
+    seen = local()
+    seen.update(graph(*ends))
+    rules = Rules(
+        deny=["/a"],
+        topics=[TopicRule(pattern="/b", far_name="/front"), TopicRule(pattern="/t", transit=True)],
+    )
+    seen.reconfigure(rules, Naming("", rules.far_names))
+    changes = seen.update(graph(*ends))
+    assert told(changes) == {"gone": ["/a", "/b"], "nodes": ["node2"], "publishers": ["/b", "/t"]}
+    assert [shown.local.topic for shown in changes.publishers] == ["/front", "/t"]
+    assert seen.hides(ends[0].gid) and not seen.hides(ends[1].gid)
+    assert told(seen.update(graph(*ends, revision=2))) == {}
+    seen.reconfigure(Rules(), Naming())
+    assert told(seen.update(graph(*ends, revision=2))) == {
+        "gone": ["/b", "/t"],
+        "gone_nodes": ["node2"],
+        "publishers": ["/a", "/b"],
+    }

@@ -52,6 +52,60 @@ def test_nodes_outside_of_the_namespace_have_no_name_here(wire: str) -> None:
     assert Naming("/bot1").namespace_from_wire(wire) is None
 
 
+RENAMED = {"/scan": "/front/scan", "/add": "/sum", "/left": "/right", "/right": "/left", "/map": "/map"}
+
+
+@for_each(
+    "here, wire",
+    [
+        ("/scan", "/front/scan"),
+        ("/add/_request", "/sum/_request"),
+        ("/add/_action/send_goal/_reply", "/sum/_action/send_goal/_reply"),
+        ("/left", "/right"),
+        ("/right", "/left"),
+        ("/map", "/map"),
+        ("/scanner", "/bot1/scanner"),
+        ("/front/scan", "/bot1/front/scan"),
+    ],
+)
+def test_far_names(here: str, wire: str) -> None:
+    naming = Naming("/bot1", RENAMED)
+    assert naming.topic_to_wire(here) == wire
+    assert naming.topic_from_wire(wire) == here
+
+
+@for_each("wire", ["/bot1/scan", "/bot1/add/_request", "/bot1/map", "/scan"])
+def test_a_far_topic_with_the_name_of_a_renamed_one_has_no_name_here(wire: str) -> None:
+    assert Naming("/bot1", RENAMED).topic_from_wire(wire) is None
+
+
+def test_a_name_that_another_topic_has_on_the_far_side() -> None:
+    naming = Naming("", RENAMED)
+    with pytest.raises(ConfigurationError, match="a rule has '/front/scan' as the far_name of '/scan'"):
+        naming.topic_to_wire("/front/scan")
+    with pytest.raises(
+        ConfigurationError, match=r"with its far_name, the name '/a/_request' has 250 characters"
+    ):
+        Naming("", {"/a": "/" + "b" * 240}).topic_to_wire("/a/_request")
+    naming.namespace_to_wire("/front/scan")  # nodes are not renamed
+    assert naming.namespace_from_wire("/front/scan") == "/front/scan"
+
+
+@given(st.dictionaries(_NAMES, _NAMES), _NAMES, _NAMES)
+def test_far_names_are_unique_in_both_directions(names: dict[str, str], namespace: str, topic: str) -> None:
+    unique = {here: far for far, here in {far: here for here, far in names.items()}.items()}
+    unique = {here: far for here, far in unique.items() if not (here + far).count("_request")}
+    naming = Naming(namespace, unique)
+    try:
+        wire = naming.topic_to_wire(topic)
+    except ConfigurationError:
+        pass
+    else:
+        assert naming.topic_from_wire(wire) == topic
+    here = naming.topic_from_wire(topic)
+    assert here is None or naming.topic_to_wire(here) == topic
+
+
 @given(_NAMES, _NAMES)
 def test_each_name_has_one_on_the_wire_and_back(namespace: str, topic: str) -> None:
     naming = Naming(namespace)

@@ -155,3 +155,40 @@ def test_parameters_of_one_side_only() -> None:
     requests, replies = (rules.crossing(f"/node/set_parameters/_{end}") for end in ("request", "reply"))
     assert (requests.goes_out, requests.comes_in) == (True, False)
     assert (replies.goes_out, replies.comes_in) == (False, True)
+
+
+def test_far_names() -> None:
+    topics = [
+        TopicRule(pattern="/scan", far_name="/front"),
+        TopicRule(pattern="/**", depth=5),
+        TopicRule(pattern="/add", far_name="/sum"),
+        TopicRule(pattern="/scan", far_name="/front/scan"),
+    ]
+    rules = Rules(topics=topics)
+    assert rules.far_names == {"/scan": "/front/scan", "/add": "/sum"}
+    assert rules.crossing("/scan").rule == RouteRule(depth=5)
+
+
+@for_each(
+    ("topics", "text"),
+    [
+        ([TopicRule(pattern="/a/*", far_name="/b")], "'/b': its pattern must be one name, without wildcards"),
+        ([TopicRule(pattern="/a", far_name="b")], "'b': Invalid topic name"),
+        ([TopicRule(pattern="/a", far_name="/b c")], "'/b c': Invalid topic name"),
+        (
+            [TopicRule(pattern="/a/_request", far_name="/b")],
+            "'/b': '/a/_request' is a part of '/a'; use that name",
+        ),
+        ([TopicRule(pattern="/a", far_name="/b/_action/status")], "is a part of '/b'; use that name"),
+        ([TopicRule(pattern="/a", far_name="/b", kind="topics")], "such a rule can't have a 'kind'"),
+        (
+            [TopicRule(pattern="/a", far_name="/x"), TopicRule(pattern="/b", far_name="/x")],
+            "'/x' is given to both '/a' and '/b'",
+        ),
+    ],
+)
+def test_impossible_far_names(topics: list[TopicRule], text: str) -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        Rules(topics=topics, table="bridge.ros2")
+    assert text in str(caught.value)
+    assert str(caught.value).startswith("bridge.ros2.topics.far_name = ") and "\n" not in str(caught.value)

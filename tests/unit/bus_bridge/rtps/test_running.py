@@ -3,6 +3,7 @@
 import asyncio
 
 from bus_bridge.rtps.announcements import EndpointData, ParticipantData
+from bus_bridge.rtps.reach import Reach
 from bus_bridge.rtps.reader import Arrived
 from bus_bridge.rtps.running import RunningParticipant
 from conftest import WAIT_S
@@ -73,3 +74,20 @@ async def test_two_on_loopback() -> None:
         await others.wait_for(0)
         two.close()
         two.close()
+
+
+async def test_one_with_discovery_off_finds_nothing_and_is_not_found() -> None:
+    alone, news, others = News(), News(), News()
+    off = RunningParticipant(DOMAIN, alone, lambda one: True, reach=Reach(discovery="OFF"))
+    one = RunningParticipant(DOMAIN, news, lambda one: True)
+    two = RunningParticipant(DOMAIN, others, lambda one: True)
+    try:
+        for each in (off, one, two):
+            each.add_writer(TOPIC, TYPE)
+        await news.wait_for(1)  # the ports are called in order, and `off` has the first one
+        await others.wait_for(1)
+        assert (news.participants, others.participants) == ({two.prefix}, {one.prefix})
+        assert not alone.participants
+    finally:
+        for each in (off, one, two):
+            each.close()

@@ -1,0 +1,79 @@
+"""ROS 2's variables of the environment for discovery, and their effect on a bridge. Pure.
+
+The interface of a bridge is chosen by its options only: without one it reaches this machine only, whatever
+the environment says. Within that reach the variables mean the same as for a node of ROS 2.
+"""
+
+from collections.abc import Mapping
+from typing import Final, NamedTuple, get_args
+
+import msgspec
+
+from bus_bridge.dds.options import DdsOptions, checked_peer, far_of
+from bus_bridge.errors import BridgeError
+from bus_bridge.rtps.reach import DiscoveryRange
+
+__all__ = ["RANGE", "STATIC_PEERS", "Told", "apply", "read"]
+
+RANGE: Final = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+STATIC_PEERS: Final = "ROS_STATIC_PEERS"
+
+_RANGES: Final[tuple[DiscoveryRange, ...]] = get_args(DiscoveryRange)
+
+
+class Told(NamedTuple):
+    """The content of the two variables."""
+
+    discovery: DiscoveryRange | None = None
+    """None: the variable is not set, or empty."""
+    peers: tuple[str, ...] = ()
+
+
+def read(environment: Mapping[str, str]) -> Told:
+    """Read both variables. Raises BridgeError for a wrong value."""
+    return Told(_range(environment.get(RANGE, "")), _peers(environment.get(STATIC_PEERS, "")))
+
+
+def apply(options: DdsOptions, told: Told) -> tuple[DdsOptions, list[str]]:
+    """The options with what the environment adds, and lines for the user about its effect."""
+    discovery = told.discovery or "SUBNET"
+    made = msgspec.structs.replace(options, discovery=discovery)
+    lines = []
+    match told.discovery:
+        case "OFF":
+            lines.append(f"{RANGE} is OFF: the bridge finds no node of ROS 2, and none finds the bridge")
+        case "LOCALHOST" if not options.is_local:
+            lines.append(f"{RANGE} is LOCALHOST: no multicast, so other machines are found as peers only")
+        case "SUBNET" if options.is_local:
+            lines.append(f"{RANGE} is SUBNET, but without --interface the bridge reaches this machine only")
+    peers = told.peers
+    if peers and discovery in ("OFF", "SYSTEM_DEFAULT"):
+        lines.append(f"{RANGE} is {discovery}: {STATIC_PEERS} has no effect")
+        peers = ()
+    if options.is_local and (far := far_of(peers)):
+        lines.append(f"{STATIC_PEERS} has {far[0]}, which the bridge can't reach without --interface")
+        peers = tuple(peer for peer in peers if peer not in far)
+    return msgspec.structs.replace(made, peers=tuple(dict.fromkeys((*made.peers, *peers)))), lines
+
+
+def _range(text: str) -> DiscoveryRange | None:
+    if not text:
+        return None
+    for one in _RANGES:
+        if one == text:
+            return one
+    raise BridgeError(f"{RANGE} must be one of {', '.join(_RANGES)}, not '{text}'")
+
+
+def _peers(text: str) -> tuple[str, ...]:
+    found = []
+    for part in text.split(";"):
+        try:
+            if part:
+                found.append(checked_peer(part))
+        except BridgeError as error:
+            raise BridgeError(
+                f"{STATIC_PEERS}: {error}; addresses are separated by semicolons, as in "
+                "'10.0.0.2;robot.local'"
+            ) from None
+    return tuple(found)
