@@ -62,6 +62,7 @@
 #define publisher_silence busd__publisher_silence
 #define publisher_unmatched busd__publisher_unmatched
 #define read_more busd__read_more
+#define read_shrink busd__read_shrink
 #define reason_names busd__reason_names
 #define record_drop busd__record_drop
 #define record_of busd__record_of
@@ -88,6 +89,7 @@
 #define service_free busd__service_free
 #define services_ask busd__services_ask
 #define services_close busd__services_close
+#define services_look busd__services_look
 #define services_lost busd__services_lost
 #define services_matched busd__services_matched
 #define set_timer busd__set_timer
