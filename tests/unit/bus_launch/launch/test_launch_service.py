@@ -100,6 +100,17 @@ def test_what_a_group_sets_ends_with_it(monkeypatch: pytest.MonkeyPatch) -> None
     assert found == ["2", "x:inside", "1", "before", "3", None, None, "4", "3"]
 
 
+def test_a_group_without_forwarding_has_the_environment_of_the_beginning(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("OF_A_TEST", "at the beginning")
+    found: list[Any] = []
+    look = note(found, lambda _: os.environ.get("OF_A_TEST"))
+    group = GroupAction([look], forwarding=False)
+    assert run(SetEnvironmentVariable("OF_A_TEST", "set"), group, look) == 0
+    assert found == ["at the beginning", "set"]
+
+
 def test_events_and_handlers() -> None:
     """The newest handler is asked first. A handler may be for one event only."""
     found: list[Any] = []
@@ -151,6 +162,20 @@ def test_shutdown_ends_what_waits() -> None:
     assert sorted(found) == ["cancelled", "enough"]
 
 
+@for_each(("is_cancelled", "expected"), [(True, []), ("false", ["late"])])
+def test_a_timer_that_shutdown_begins(is_cancelled: bool | str, expected: list[str]) -> None:
+    found: list[Any] = []
+    timer = TimerAction(period=0.01, actions=[note(found, lambda _: "late")], cancel_on_shutdown=is_cancelled)
+    assert run(RegisterEventHandler(OnShutdown(on_shutdown=[timer]))) == 0
+    assert found == expected
+
+
+def test_a_timer_with_no_period_visits_its_actions_at_once() -> None:
+    found: list[Any] = []
+    assert run(*(TimerAction(period=one, actions=[note(found, "a")]) for one in (0, 0.0, "0"))) == 0
+    assert found == [None] * 3
+
+
 def test_nobody_has_read_stdout_before_the_launch_began(monkeypatch: pytest.MonkeyPatch) -> None:
     """As with `bus launch ... | head -1`: the launch ends, and does not wait for its timer."""
     # Closed after the reset with which `run` begins.
@@ -193,6 +218,28 @@ def generate_launch_description():
         LogInfo(msg=[LaunchConfiguration("greeting"), " from ", ThisLaunchFileDir()]),
     ])
 """
+
+
+def test_an_included_file_leaves_the_folder_of_the_file_as_it_was(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = '<log message="$(dirname)"/>'
+    files = {
+        "sub/inner.launch.xml": f"<launch>{log}</launch>",
+        "outer.launch.xml": f'<launch>{log}<include file="$(dirname)/sub/inner.launch.xml"/>{log}</launch>',
+    }
+    write(tmp_path, files)
+    assert run(IncludeLaunchDescription(str(tmp_path / "outer.launch.xml"))) == 0
+    assert said(capsys.readouterr().out) == [str(tmp_path), str(tmp_path / "sub"), str(tmp_path)]
+
+
+def test_an_argument_that_an_included_file_needs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write(tmp_path, {"a.launch.xml": '<launch><arg name="x" description="an x"/><arg name="y"/></launch>'})
+    assert run(IncludeLaunchDescription(str(tmp_path / "a.launch.xml"), launch_arguments=[("y", "1")])) == 1
+    assert (
+        "Included launch description missing required argument 'x' (description: 'an x'), given: [y]"
+        in capsys.readouterr().out
+    )
 
 
 def test_files_include_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -258,6 +305,7 @@ def test_the_arguments_of_a_file_and_of_those_that_it_includes(tmp_path: Path) -
             "['false', '0']",
         ),
         (TimerAction(period="soon", actions=[]), "a period must be a number of seconds, not 'soon'"),
+        (TimerAction(period="inf", actions=[]), "a period must be a number of seconds, not 'inf'"),
         (PopLaunchConfigurations(), "launch_configurations stack unexpectedly empty"),
         (OpaqueFunction(function=lambda _: [][1]), "list index out of range"),
         (IncludeLaunchDescription("/nosuchfile.py"), "[Errno 2] No such file or directory: '/nosuchfile.py'"),
