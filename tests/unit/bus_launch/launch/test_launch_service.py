@@ -29,6 +29,7 @@ from bus_launch.launch.actions import (
     UnsetEnvironmentVariable,
     UnsetLaunchConfiguration,
 )
+from bus_launch.launch.actions.basic import seconds
 from bus_launch.launch.conditions import IfCondition, UnlessCondition
 from bus_launch.launch.core import (
     Event,
@@ -36,6 +37,7 @@ from bus_launch.launch.core import (
     LaunchContext,
     LaunchDescriptionEntity,
     Substitution,
+    TextSubstitution,
 )
 from bus_launch.launch.event_handlers import OnExecutionComplete, OnShutdown
 from bus_launch.launch.launch_description import LaunchDescription
@@ -176,6 +178,12 @@ def test_a_timer_with_no_period_visits_its_actions_at_once() -> None:
     assert found == [None] * 3
 
 
+@for_each("text", ["inf", "nan", "-0.1", ""])
+def test_what_is_no_period(text: str) -> None:
+    with pytest.raises(ValueError, match=f"a period must be a number of seconds, not '{text}'"):
+        seconds(LaunchContext(), [TextSubstitution(text=text)])
+
+
 def test_nobody_has_read_stdout_before_the_launch_began(monkeypatch: pytest.MonkeyPatch) -> None:
     """As with `bus launch ... | head -1`: the launch ends, and does not wait for its timer."""
     # Closed after the reset with which `run` begins.
@@ -305,7 +313,6 @@ def test_the_arguments_of_a_file_and_of_those_that_it_includes(tmp_path: Path) -
             "['false', '0']",
         ),
         (TimerAction(period="soon", actions=[]), "a period must be a number of seconds, not 'soon'"),
-        (TimerAction(period="inf", actions=[]), "a period must be a number of seconds, not 'inf'"),
         (PopLaunchConfigurations(), "launch_configurations stack unexpectedly empty"),
         (OpaqueFunction(function=lambda _: [][1]), "list index out of range"),
         (IncludeLaunchDescription("/nosuchfile.py"), "[Errno 2] No such file or directory: '/nosuchfile.py'"),
