@@ -6,7 +6,9 @@
         assert (await goal.result()).reached == 3
 
 `bus_actions` is the real package; its nodes only list the endpoints that it makes. A message arrives in a
-later turn of the event loop; messages arrive in the order of sending. While `world.is_held`, nothing arrives.
+later turn of the event loop; messages arrive in the order of sending. A publisher sends at the end of a
+turn, as by socket, or if it must hand over its messages. While `world.is_held`, nothing arrives. While
+`world.is_unread`, messages of topics wait in their subscriptions.
 """
 
 import asyncio
@@ -106,6 +108,7 @@ class ListPublisher:
         self.published: list[Any] = []
         self._world = world
         self._support = type_support(message_type)
+        self._run: list[Any] = []
 
     def publish(self, message: Any) -> None:
         self.publish_encoded(self._support.encode(message))
@@ -113,22 +116,33 @@ class ListPublisher:
     def publish_encoded(self, payload: Any) -> None:
         message = self._support.decode(payload)
         self.published.append(message)
-        self._world.send(self._world.deliver, self.topic, message)
+        self._run.append(message)
+        asyncio.get_running_loop().call_soon(self.hand_over)
 
     def hand_over(self) -> None:
-        pass
+        run, self._run = self._run, []
+        for message in run:
+            self._world.send(self._world.deliver, self.topic, message)
 
     async def close(self) -> None:
+        self.hand_over()
         self._world.publishers.pop(self.topic, None)
 
 
 class ListSubscription:
-    def __init__(self, world: "ActionWorld", callback: Callable[[Any], object]) -> None:
-        self.callback = callback
-        self._world = world
+    """A subscription. A message goes to the callback when it arrives, unless the world `is_unread`."""
 
-    def take(self) -> None:
-        return None  # a message goes to the callback when it arrives
+    def __init__(self, world: "ActionWorld", topic: str, callback: Callable[[Any], object]) -> None:
+        self.callback = callback
+        self.waiting: deque[Any] = deque()
+        self._world = world
+        self._topic = topic
+
+    def get_publisher_count(self) -> int:
+        return int(self._topic in self._world.publishers)
+
+    def take(self) -> tuple[Any, None] | None:
+        return (self.waiting.popleft(), None) if self.waiting else None
 
     async def close(self) -> None:
         for ends in self._world.subscriptions.values():
@@ -161,7 +175,7 @@ class ListNode:
     async def create_subscription(
         self, message_type: Any, topic: str, qos: object, callback: Callable[[Any], object]
     ) -> ListSubscription:
-        made = ListSubscription(self._world, callback)
+        made = ListSubscription(self._world, topic, callback)
         self._world.subscriptions.setdefault(topic, []).append(made)
         return made
 
@@ -191,6 +205,7 @@ class ActionWorld:
     def __init__(self) -> None:
         self.now_ns = 1_000_000_000
         self.is_held = False
+        self.is_unread = False
         self.in_opening: Callable[[ListService], Any] | None = None
         """Awaited after each new service."""
         self.services: dict[str, ListService] = {}
@@ -274,4 +289,7 @@ class ActionWorld:
 
     def deliver(self, topic: str, message: Any) -> None:
         for subscription in tuple(self.subscriptions.get(topic, ())):
-            subscription.callback(message)
+            if self.is_unread:
+                subscription.waiting.append(message)
+            else:
+                subscription.callback(message)

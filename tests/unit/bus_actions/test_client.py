@@ -195,3 +195,38 @@ async def test_closing_ends_the_wait_for_a_result() -> None:
         with pytest.raises(ConnectionClosed):
             await waiting
         await client.close()
+
+
+async def test_a_server_is_ready_with_all_its_endpoints() -> None:
+    world = ActionWorld()
+    async with world.server(Walk, walk), world.client(Walk) as client:
+        assert client.server_is_ready()
+        parts: list[dict[str, Any]] = [world.services, world.publishers]
+        for made in parts:
+            for name in tuple(made):
+                missing = made.pop(name)
+                assert not client.server_is_ready(), name
+                made[name] = missing
+        assert client.server_is_ready()
+
+
+async def test_feedback_that_was_not_read_before_the_result_belongs_to_the_goal() -> None:
+    world = ActionWorld()
+    world.is_unread = True
+    async with world.server(Walk, walk), world.client(Walk) as client:
+        goal = await send(client, 3)
+        assert (await goal.result()).done == 3
+        assert [one.step async for one in goal] == [0, 1, 2]
+
+
+async def test_a_result_comes_after_the_feedback_of_its_turn() -> None:
+    world = ActionWorld()
+
+    async def walk_late(goal: ServerGoal) -> Any:
+        await turns()  # the client has asked for the result
+        return await walk(goal)
+
+    async with world.server(Walk, walk_late), world.client(Walk) as client:
+        goal = await send(client, 3)
+        assert [one.step async for one in goal] == [0, 1, 2]
+        assert client.statistics().feedback == 3

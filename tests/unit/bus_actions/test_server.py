@@ -219,6 +219,15 @@ async def test_requests_that_come_while_it_opens_are_answered_when_it_is_open() 
         assert (await goals[0].result().result()).reached == 2
 
 
+async def test_a_request_that_comes_after_the_end_is_not_kept() -> None:
+    world = ActionWorld()
+    async with world.server(Count, count) as server:
+        service = world.service("get_result")
+    request = action_support(Count).get_result.Request()
+    service.on_request(request, RequestId(bytes(16), 1))
+    assert server._early == []
+
+
 async def test_closing_aborts_what_is_executed_and_what_waits() -> None:
     world = ActionWorld()
     server = world.server(Count, wait, at_once=1)
@@ -267,6 +276,15 @@ def test_results_are_kept_for_their_time() -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(server_module, "monotonic_ns", lambda: round(asyncio.get_running_loop().time() * 1e9))
         play(tell)
+
+
+async def test_a_closed_server_leaves_no_timer() -> None:
+    world = ActionWorld()
+    async with world.server(Count, count, result_timeout=1000.0) as server, world.client(Count) as client:
+        await (await send(client)).result()
+        expiry = server._expiry
+        assert expiry is not None and not expiry.cancelled()
+    assert expiry.cancelled()
 
 
 async def test_so_many_requests_may_wait_for_one_result(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -260,6 +260,18 @@ class TestPublisherThatReturns:
         heard.get(4, number=299)
         assert heard.lost == [("disconnected", 1)]
 
+    def test_of_many_returns_without_a_sample_the_latest_are_known(self) -> None:
+        heard = Heard()
+        heard.get(1)
+        for turn in range(1, 71):  # each time one sample was never sent, and the next one was routed
+            heard.return_as(100 + turn, 2 * turn + 1, routed_seq=2 * turn - 1)
+        heard.get(13, number=170)
+        assert heard.lost == []  # the gaps before 13 are the six oldest
+        heard.get(15, number=170)
+        assert heard.lost == [("disconnected", 1)]
+        heard.get(141, number=170)
+        assert heard.lost == [("disconnected", 1), ("disconnected", 63)]
+
     def test_one_that_has_long_gone_is_forgotten(self) -> None:
         heard = Heard()
         heard.tracker.forget(7)

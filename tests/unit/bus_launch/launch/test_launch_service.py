@@ -29,6 +29,7 @@ from bus_launch.launch.actions import (
     UnsetEnvironmentVariable,
     UnsetLaunchConfiguration,
 )
+from bus_launch.launch.actions.basic import seconds
 from bus_launch.launch.conditions import IfCondition, UnlessCondition
 from bus_launch.launch.core import (
     Event,
@@ -36,6 +37,7 @@ from bus_launch.launch.core import (
     LaunchContext,
     LaunchDescriptionEntity,
     Substitution,
+    TextSubstitution,
 )
 from bus_launch.launch.event_handlers import OnExecutionComplete, OnShutdown
 from bus_launch.launch.launch_description import LaunchDescription
@@ -100,6 +102,17 @@ def test_what_a_group_sets_ends_with_it(monkeypatch: pytest.MonkeyPatch) -> None
     assert found == ["2", "x:inside", "1", "before", "3", None, None, "4", "3"]
 
 
+def test_a_group_without_forwarding_has_the_environment_of_the_beginning(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("OF_A_TEST", "at the beginning")
+    found: list[Any] = []
+    look = note(found, lambda _: os.environ.get("OF_A_TEST"))
+    group = GroupAction([look], forwarding=False)
+    assert run(SetEnvironmentVariable("OF_A_TEST", "set"), group, look) == 0
+    assert found == ["at the beginning", "set"]
+
+
 def test_events_and_handlers() -> None:
     """The newest handler is asked first. A handler may be for one event only."""
     found: list[Any] = []
@@ -151,6 +164,26 @@ def test_shutdown_ends_what_waits() -> None:
     assert sorted(found) == ["cancelled", "enough"]
 
 
+@for_each(("is_cancelled", "expected"), [(True, []), ("false", ["late"])])
+def test_a_timer_that_shutdown_begins(is_cancelled: bool | str, expected: list[str]) -> None:
+    found: list[Any] = []
+    timer = TimerAction(period=0.01, actions=[note(found, lambda _: "late")], cancel_on_shutdown=is_cancelled)
+    assert run(RegisterEventHandler(OnShutdown(on_shutdown=[timer]))) == 0
+    assert found == expected
+
+
+def test_a_timer_with_no_period_visits_its_actions_at_once() -> None:
+    found: list[Any] = []
+    assert run(*(TimerAction(period=one, actions=[note(found, "a")]) for one in (0, 0.0, "0"))) == 0
+    assert found == [None] * 3
+
+
+@for_each("text", ["inf", "nan", "-0.1", ""])
+def test_what_is_no_period(text: str) -> None:
+    with pytest.raises(ValueError, match=f"a period must be a number of seconds, not '{text}'"):
+        seconds(LaunchContext(), [TextSubstitution(text=text)])
+
+
 def test_nobody_has_read_stdout_before_the_launch_began(monkeypatch: pytest.MonkeyPatch) -> None:
     """As with `bus launch ... | head -1`: the launch ends, and does not wait for its timer."""
     # Closed after the reset with which `run` begins.
@@ -193,6 +226,28 @@ def generate_launch_description():
         LogInfo(msg=[LaunchConfiguration("greeting"), " from ", ThisLaunchFileDir()]),
     ])
 """
+
+
+def test_an_included_file_leaves_the_folder_of_the_file_as_it_was(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = '<log message="$(dirname)"/>'
+    files = {
+        "sub/inner.launch.xml": f"<launch>{log}</launch>",
+        "outer.launch.xml": f'<launch>{log}<include file="$(dirname)/sub/inner.launch.xml"/>{log}</launch>',
+    }
+    write(tmp_path, files)
+    assert run(IncludeLaunchDescription(str(tmp_path / "outer.launch.xml"))) == 0
+    assert said(capsys.readouterr().out) == [str(tmp_path), str(tmp_path / "sub"), str(tmp_path)]
+
+
+def test_an_argument_that_an_included_file_needs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write(tmp_path, {"a.launch.xml": '<launch><arg name="x" description="an x"/><arg name="y"/></launch>'})
+    assert run(IncludeLaunchDescription(str(tmp_path / "a.launch.xml"), launch_arguments=[("y", "1")])) == 1
+    assert (
+        "Included launch description missing required argument 'x' (description: 'an x'), given: [y]"
+        in capsys.readouterr().out
+    )
 
 
 def test_files_include_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -61,6 +61,13 @@ def test_settings_for_all_nodes(context: LaunchContext) -> None:
     assert request(context, namespace="/arm").node_namespace == "/arm"
 
 
+def test_a_parameter_of_the_component_is_used_instead_of_the_one_for_all_nodes(
+    context: LaunchContext,
+) -> None:
+    SetParameter("n", 1).execute(context)
+    assert request(context, parameters=[{"n": 2}, {"m": 3}]).parameters == {"n": 2, "m": 3}
+
+
 def test_parameter_files(context: LaunchContext, tmp_path: Path) -> None:
     file = tmp_path / "a.yaml"
     file.write_text(

@@ -9,6 +9,7 @@ from bus_launch.launch.actions import ExecuteProcess
 from bus_launch.launch.events.process import ProcessExited, ProcessStarted, ProcessStderr, ProcessStdout
 from bus_launch.launch_testing.asserts import (
     EXIT_SIGINT,
+    SequentialTextChecker,
     assertDefaultStream,
     assertExitCodes,
     assertInStderr,
@@ -163,3 +164,22 @@ def test_assertions(info: ActiveProcInfoHandler, output: ActiveIoHandler) -> Non
             AssertionError, match=r"'second' not found in sequence after .*\nfirst second third"
         ):
             stdout.assertInStdout("second")
+
+
+def test_texts_in_turn_are_found_one_after_the_other() -> None:
+    text = SequentialTextChecker(["a b", " a"])
+    text.assertInText("a")
+    text.assertInText("a")
+    with pytest.raises(AssertionError, match="'a' not found in sequence"):
+        text.assertInText("a")
+
+
+def test_a_process_that_has_all_arguments_is_meant() -> None:
+    info = ActiveProcInfoHandler()
+    for action, word in ((TALKER, "--slow"), (LISTENER, "--loud")):
+        process = details(action, f"node-{word}")
+        info.append(ProcessStarted(**process | {"cmd": ["node", "--fast", word]}))
+    assert matching(info, "node", ["--fast", "--loud"]) is LISTENER
+    assert matching(info, "node", "--slow") is TALKER
+    with pytest.raises(NoMatchingProcessException, match="Did not find any"):
+        matching(info, "node", ["--slow", "--loud"])

@@ -111,3 +111,12 @@ def test_several_in_one() -> None:
     status = DiagnosticStatusWrapper(level=ERROR, message="No message was set")
     assert both.run(status) is status
     assert (status.level, status.message) == (ERROR, "warm; No message was set")
+
+
+def test_a_rate_at_its_limits_is_fine() -> None:
+    for bound in ({"min": 8.0}, {"min": 2.0, "max": 8.0 / 3.0}):
+        clock = StillClock()
+        task = FrequencyStatus(FrequencyStatusParam(bound, 0.5, 1), clock=clock)
+        clock.seconds += 0.25
+        task.tick()
+        assert judged(task)[:2] == (OK, "Desired frequency met")

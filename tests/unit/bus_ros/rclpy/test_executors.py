@@ -166,3 +166,20 @@ def test_a_timer_that_is_canceled_in_the_queue_does_not_hide_others(executor: Si
 
     canceled.take = leave  # type: ignore[method-assign]
     assert calls(executor, 2) == [other]
+
+
+def test_a_timer_that_is_queued_as_its_node_leaves_runs_in_the_next_executor(
+    executor: SingleThreadedExecutor,
+) -> None:
+    node: Any = Robot()
+    timer = Timer(node)
+    node.timers = (timer,)
+    timer.full = 1
+    executor.add_node(node)
+    with executor._engine.loop:
+        executor._collect_timers()
+    assert list(executor.ready) == [timer]
+    executor.remove_node(node)
+    other = SingleThreadedExecutor()
+    other.add_node(node)
+    assert calls(other, 2) == [timer]

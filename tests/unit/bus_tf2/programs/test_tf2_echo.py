@@ -37,6 +37,8 @@ def test_command_lines() -> None:
     assert read(["a", "b"]) == Wish("a", "b")
     assert read(["a", "b", "2.5"]) == Wish("a", "b", 2.5)
     assert read(["a", "b", "-r", "10", "-t", "1.5", "-p", "6"]) == Wish("a", "b", 10.0, 1.5, 6)
+    for precision in (0, 20):
+        assert read(["a", "b", "-p", str(precision)]) == Wish("a", "b", precision=precision)
     for line in ("", "a", "a b 1 c", "a b -x", "a b -r"):
         assert read(line.split()) is None
 

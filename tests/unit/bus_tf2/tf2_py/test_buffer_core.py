@@ -249,6 +249,16 @@ class TestWhatIsTold:
         assert moved(buffer.lookup_transform_core("a", "b", NOW)) == (2.0, 0.0, 0.0)
         assert "broadcaster: 'other'" in buffer.all_frames_as_yaml()
 
+    def test_a_refused_transform_changes_no_authority(self, buffer: BufferCore) -> None:
+        buffer.set_transform(transform("a", "b", 100), "me")
+        buffer.set_transform(transform("a", "b", 1), "other")
+        assert "broadcaster: 'me'" in buffer.all_frames_as_yaml()
+
+    def test_the_last_static_transform_counts_whatever_its_time(self, buffer: BufferCore) -> None:
+        buffer.set_transform_static(transform("a", "b", 10, (1, 0, 0)), "me")
+        buffer.set_transform_static(transform("a", "b", 5, (2, 0, 0)), "me")
+        assert moved(buffer.lookup_transform_core("a", "b", NOW)) == (2.0, 0.0, 0.0)
+
     def test_another_parent(self, buffer: BufferCore) -> None:
         buffer.set_transform(transform("a", "x", 1, (1, 0, 0)), "me")
         buffer.set_transform(transform("b", "x", 2, (2, 0, 0)), "me")

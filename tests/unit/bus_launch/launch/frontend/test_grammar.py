@@ -59,3 +59,8 @@ def test_texts(text: str, meaning: str) -> None:
 def test_mistakes(text: str, problem: str) -> None:
     with pytest.raises(ValueError, match=problem):
         parse(text, _Call)
+
+
+def test_many_substitutions_may_stand_side_by_side() -> None:
+    text = "$(var x)" * 100
+    assert shown(parse(text, _Call)) == "+".join(["var('x')"] * 100)
