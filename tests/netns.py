@@ -13,6 +13,7 @@ its own /dev/shm, by which Fast DDS would find the others.
 busd's sockets are files, which all machines share: programs that only talk to a busd may run anywhere.
 """
 
+import json
 import subprocess
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -99,6 +100,13 @@ class Cable:
 
     def interface_of(self, machine: str) -> str:
         return self._places[machine][0]
+
+    def sent_by(self, machine: str) -> int:
+        """Bytes that a machine has sent on it, with all headers."""
+        told = self._ends[machine].run(
+            "ip", "-json", "-statistics", "link", "show", self.interface_of(machine)
+        )
+        return int(json.loads(told)[0]["stats64"]["tx"]["bytes"])
 
     @contextmanager
     def pulled(self) -> Iterator[None]:

@@ -49,6 +49,8 @@ class ZenohTable(BridgeTable, frozen=True, kw_only=True):
     """Addresses of zenoh routers; one of them is used, instead of `listen` and `connect`."""
     insecure: bool | None = None
     """Whether addresses reachable from other machines may work without certificates."""
+    compression: bool | None = None
+    """Whether links compress, if the other side has this set, too."""
     tls: TlsTable = TlsTable()
 
 

@@ -95,7 +95,8 @@ def _plan_zenoh(table: ZenohTable) -> tuple[_MakeEngine, list[str]]:
     from bus_bridge.zenoh.engine import ZenohEngine
     from bus_bridge.zenoh.options import check
 
-    options = _links(table.listen, table.connect, table, table.router)
+    compression = bool(table.compression)
+    options = _links(table.listen, table.connect, table, table.router, compression=compression)
     check(options)
     places = [f"listening on {place}" for place in table.listen]
     places += [f"connecting to {place}" for place in table.connect]
@@ -108,6 +109,8 @@ def _links(
     connect: tuple[str, ...],
     table: ZenohTable | Ros2Table,
     router: tuple[str, ...] = (),
+    *,
+    compression: bool = False,
 ) -> "ZenohOptions":
     from bus_bridge.zenoh.options import ZenohOptions
 
@@ -119,6 +122,7 @@ def _links(
         certificate=table.tls.certificate or "",
         key=table.tls.key or "",
         insecure=bool(table.insecure),
+        compression=compression,
     )
 
 

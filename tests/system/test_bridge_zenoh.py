@@ -113,6 +113,25 @@ async def test_streams_both_ways_lose_nothing_and_keep_whose_they_are_and_their_
         await until(lambda side=side: not side.names())
 
 
+@pytest.mark.parametrize("of_the_robot", [(), ("--compression",)], ids=["one", "both"])
+@on_one_loop
+async def test_a_link_compresses_if_both_sides_do(world: World, of_the_robot: tuple[str, ...]) -> None:
+    world.join_by_zenoh(listening=of_the_robot, connecting=("--compression",))
+    cable = world.cable()
+    async with world["robot"].node("robot_node") as robot, world["laptop"].node("laptop_node") as laptop:
+        subscription = await laptop.create_subscription(String, "text", KEEP_ALL)
+        publisher = await robot.create_publisher(String, "text", KEEP_ALL)
+        await publisher.wait_for_subscriptions()
+        before = cable.sent_by("robot")
+        for number in range(20):
+            await publisher.send(String(data=f"{number} " + "the quick brown fox " * 5000))
+        for number in range(20):
+            message, _ = await subscription.receive()
+            assert message.data.startswith(f"{number} the quick")
+        sent = cable.sent_by("robot") - before
+    assert (sent < 500_000) is bool(of_the_robot), f"{sent} bytes for 2 MB of text"
+
+
 @on_one_loop
 async def test_each_of_two_latched_publishers_reaches_a_late_joiner(world: World) -> None:
     world.join_by_zenoh()

@@ -31,6 +31,8 @@ class ZenohOptions(msgspec.Struct, frozen=True, kw_only=True):
     """File with the private key of `certificate`."""
     insecure: bool = False
     """Addresses other than loopback may work without certificates."""
+    compression: bool = False
+    """zenoh compresses what it sends on a link (LZ4), if the other side has this set, too."""
 
 
 class Address(msgspec.Struct, frozen=True):

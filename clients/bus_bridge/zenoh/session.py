@@ -533,6 +533,7 @@ def _config(options: ZenohOptions, zenoh_id: str, more: Mapping[str, object]) ->
         "timestamping/enabled": False,
         "transport/shared_memory/enabled": False,
         "transport/unicast/open_timeout": _OPEN_MS,
+        "transport/unicast/compression/enabled": options.compression,
         "transport/link/tx/lease": _LEASE_MS,
         "transport/link/tx/queue/congestion_control/drop/wait_before_drop": _WAIT_BEFORE_DROP_US,
         "transport/link/rx/max_message_size": _MAX_MESSAGE_BYTES,

@@ -35,6 +35,12 @@ def add_arguments(parser: ArgumentParser) -> None:
         help="use a router of zenoh (zenohd) instead of --listen and --connect; of several, one is used",
     )
     add_certificate_arguments(group)
+    group.add_argument(
+        "--compression",
+        action="store_true",
+        default=None,
+        help="compress what is sent on links whose other side has this option, too; it costs CPU time",
+    )
     add_bridge_arguments(parser, "zenoh")
 
 
@@ -45,6 +51,7 @@ def main(args: Namespace) -> int:
         "connect": args.connect,
         "router": args.router,
         "insecure": args.insecure,
+        "compression": args.compression,
         "tls": tls_of(args),
     }
     return run_bridge(args, "zenoh", flags)
