@@ -9,10 +9,13 @@ import os
 import random
 import socket
 import struct
+import threading
 from pathlib import Path
 from typing import Any
 
 import msgspec
+
+from conftest import WAIT_S
 
 CONTROL, DATA = 1, 2
 SEALS = 1 | 2 | 4 | 16
@@ -47,8 +50,11 @@ class HostileBusd:
         self._memories: list[mmap.mmap] = []
         self._revision = 1
         self.faults = 0
+        self.may_begin = threading.Event()
+        """The program is ready: nonsense before that would be the answer to its first requests."""
 
     def close(self) -> None:
+        self._listening.shutdown(socket.SHUT_RDWR)  # wakes `serve`, which may wait for a client
         self._listening.close()
         for memory in self._memories:
             memory.close()
@@ -61,6 +67,7 @@ class HostileBusd:
                 connection.settimeout(10)
                 try:
                     ids = self._declare(connection)
+                    self.may_begin.wait(WAIT_S)
                     for _ in range(frames):
                         self._send_nonsense(connection, ids)
                     self._read_rest(connection)

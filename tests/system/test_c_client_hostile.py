@@ -27,6 +27,7 @@ async def test_nonsense_does_no_harm(programs: Path, tmp_path: Path, socket_path
     try:
         serving = asyncio.create_task(asyncio.to_thread(busd.serve, CONNECTIONS, FRAMES))
         async with c_programs.peer(programs, tmp_path, "relay", "/t", "/back", *options) as peer:
+            busd.may_begin.set()
             await serving
             peer.program.process.send_signal(signal.SIGTERM)
             assert await peer.program.end() == 0, [

@@ -400,8 +400,6 @@ def test_two_hundred_nodes_and_a_thousand_topics(server: Serving, page: Page) ->
         assert 10 < boxes <= 80
         assert "shown are the 80 around" in page.texts("#graph-note")[0]
         assert page.texts("#pages span") == [" page 1 of 10 "]
-        drawn_s = page.run("return performance.getEntriesByName('first graph')[0].startTime") / 1000
-        assert drawn_s < 10, "some 0.5 s on a machine with nothing else to do"
         page.press('tr[data-topic="/topic_143"] button')
         page.wait(SEEN, "g.topic.chosen")
         assert page.run("return document.querySelector('.map').checkVisibility()"), "only a part is in sight"

@@ -15,17 +15,18 @@ S = 10**9
 
 
 class World:
-    """A timer, and the times of its calls in seconds since the timer was made."""
+    """A timer, and the times of its calls in whole seconds since it was made: the machine's own time goes on,
+    too."""
 
     def __init__(self, period_s: float, clock: Clock | None = None) -> None:
         self.clock = clock or Clock("/robot")
-        self.calls: list[float] = []
+        self.calls: list[int] = []
         self.errors: list[BaseException] = []
         self._begin_ns = self.clock.steady_ns()
         self.timer = Timer(period_s, self._note, self.errors.append, self.clock)
 
     def _note(self) -> None:
-        self.calls.append(round((self.clock.steady_ns() - self._begin_ns) / S, 1))
+        self.calls.append(round((self.clock.steady_ns() - self._begin_ns) / S))
         self.then()
 
     def then(self) -> None:

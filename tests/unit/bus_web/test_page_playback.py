@@ -104,7 +104,7 @@ async def test_after_a_seek_no_value_from_before_comes() -> None:
     chatter = world.add("publisher", "/player", "/chatter", String)
     async with page(world, playback):
         world.socket.said.put_nowait('{"op":"look","topics":{"/chatter":[]}}')
-        await until(lambda: world.node.subscriptions)
+        await until(lambda: world.node.subscriptions and told(world, "playback"))
         world.socket.may_send.clear()
         playback.change(rate=2.0)
         await turns()  # that state is on its way, and the next frames wait
