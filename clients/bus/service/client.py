@@ -285,6 +285,7 @@ class ServiceClient(ServiceBase):
         """A server does not work on a call. If no server does, the call is lost."""
         call = self._calls.get(number)
         if call is None:
+            self._late += 1
             return
         call.denied.add(replier)
         repliers = self._repliers
