@@ -5,10 +5,9 @@ benchmarks/c.
 """
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from types import MappingProxyType
-from typing import NamedTuple
 
 from benchmarks import paced, throughput
 from benchmarks.adapters import c_program
@@ -24,19 +23,11 @@ from bus_cli.bench.figures import bytes_text
 NAME = "c_client"
 
 
-class _Stream(NamedTuple):
-    """The messages a second, and their number in a quick and in a normal run."""
-
-    rate: float
-    warm_up: int
-    counts: tuple[int, int]
-
-
 _SMALL, _LARGE = 64, 1 << 20
 _STREAMS = {
-    _SMALL: _Stream(1000, 200, (500, 5000)),
-    1 << 16: _Stream(1000, 100, (300, 3000)),
-    _LARGE: _Stream(200, 20, (60, 1000)),
+    _SMALL: paced.Stream(1000, 200, (500, 5000)),
+    1 << 16: paced.Stream(1000, 100, (300, 3000)),
+    _LARGE: paced.Stream(200, 20, (60, 1000)),
 }
 _FLOOD = "flood"
 _PINNED = "on two CPUs"
@@ -55,9 +46,8 @@ def _ours(system: System, name: str, way: str, guess: Speed) -> System:
     )
 
 
-def _both(missing: object, program: str) -> str:
-    assert callable(missing)
-    return str(missing()) or no_c_program(program)
+def _both(missing: Callable[[], str], program: str) -> str:
+    return missing() or no_c_program(program)
 
 
 def _rival(name: str, program: str, way: str, guess: Speed) -> System:

@@ -7,7 +7,6 @@ events, except the ones marked as polling. The scheduler chooses the CPUs of pro
 import os
 from collections.abc import Mapping
 from functools import partial
-from typing import NamedTuple
 
 from msgspec.structs import replace
 
@@ -51,20 +50,12 @@ _SMALL = 64
 _BUSY_POLL_S = 0.002
 
 
-class _Stream(NamedTuple):
-    """The messages a second, and their number in a quick and in a normal run."""
-
-    rate: float
-    warm_up: int
-    counts: tuple[int, int]
-
-
 _STREAMS = {
-    _SMALL: _Stream(2500, 200, (600, 5000)),
-    1 << 10: _Stream(2500, 200, (300, 5000)),  # with 1,000, one pause of the machine was the whole p99
-    1 << 16: _Stream(1000, 100, (200, 1000)),
-    1 << 20: _Stream(200, 10, (40, 500)),
-    4 << 20: _Stream(20, 4, (15, 20)),
+    _SMALL: paced.Stream(2500, 200, (600, 5000)),
+    1 << 10: paced.Stream(2500, 200, (300, 5000)),  # with 1,000, one pause of the machine was the whole p99
+    1 << 16: paced.Stream(1000, 100, (200, 1000)),
+    1 << 20: paced.Stream(200, 10, (40, 500)),
+    4 << 20: paced.Stream(20, 4, (15, 20)),
 }
 _PLACED = (BUS, FLOOR, ECAL)
 _ON_ONE, _ON_TWO = "on one CPU", "on two CPUs"

@@ -11,6 +11,7 @@ from contextlib import suppress
 from functools import partial
 from itertools import cycle
 from pathlib import Path
+from typing import NamedTuple
 
 import msgspec
 
@@ -42,6 +43,14 @@ PARTS = ("publisher", "broker", "subscriber")
 PLAIN = {BUS.name: BUS_PLAIN, BUS_SOCKET.name: BUS_SOCKET_PLAIN}
 """The systems with a plain program as publisher, by the name of the normal system."""
 _BUSY = "while True: pass"
+
+
+class Stream(NamedTuple):
+    """The messages a second, and their number in a quick and in a normal run."""
+
+    rate: float
+    warm_up: int
+    counts: tuple[int, int]
 
 
 def case(series: str, system: System, work: Work, on_cpus: Sequence[int] = (), rounds: int = 0) -> Case:

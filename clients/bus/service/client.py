@@ -386,9 +386,8 @@ class ServiceClient(ServiceBase):
                 continue
             if self._requests.publish_encoded(self._support.encode_question(self._gid, number)):
                 call.looks = call.looks_left = min(2 * call.looks or 1, _MOST_LOOKS)
-            call.asked = (
-                call.asked or self._servers
-            )  # a call from the time without busd was for unknown servers
+            # A call from the time without busd was for unknown servers.
+            call.asked = call.asked or self._servers
 
     def _give_up_absent(self) -> None:
         """Fail calls whose server is not back by now."""

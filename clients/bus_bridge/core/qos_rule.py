@@ -22,7 +22,7 @@ class QosRule(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     """The history is keep last, with this depth."""
 
     def over(self, other: "QosRule") -> "QosRule":
-        """These settings, with those of `other` where they have none."""
+        """These settings. One that is None has the value of `other`."""
         return QosRule(**{**_set(other), **_set(self)})
 
     def applied(self, qos: QoSProfile) -> QoSProfile:

@@ -18,7 +18,7 @@ _CALLED: Final = 32
 
 
 class Reach(NamedTuple):
-    """The place of a participant, and whom it calls."""
+    """The place of a participant, and the other participants that it calls."""
 
     host: str = "127.0.0.1"
     """The IPv4 address of its interface. On loopback there is no multicast, and nothing leaves this
@@ -26,8 +26,8 @@ class Reach(NamedTuple):
     peers: tuple[str, ...] = ()
     """Addresses of further machines."""
     discovery: DiscoveryRange = "SUBNET"
-    """`LOCALHOST`: no multicast, so only `peers` and this machine are called. `OFF`: nobody is called, and
-    nobody is heard. `SYSTEM_DEFAULT` is the same as `SUBNET`."""
+    """`LOCALHOST`: no multicast, so only `peers` and this machine are called. `OFF`: it calls no
+    other participant, and ignores all that call it. `SYSTEM_DEFAULT` is the same as `SUBNET`."""
 
     @property
     def is_off(self) -> bool:
