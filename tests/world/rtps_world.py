@@ -16,7 +16,14 @@ GROUP: Address = ("239.255.0.1", 7400)
 class Machine:
     """A participant, with the news that it gave."""
 
-    def __init__(self, network: "Network", host: str, bounds: Bounds, wanted: Callable[[str], bool]) -> None:
+    def __init__(
+        self,
+        network: "Network",
+        host: str,
+        bounds: Bounds,
+        wanted: Callable[[str], bool],
+        peers: tuple[Address, ...],
+    ) -> None:
         self.address: Address = host, 7410
         self.far: dict[bytes, EndpointData] = {}
         self.participants: set[bytes] = set()
@@ -26,7 +33,7 @@ class Machine:
         settings = Settings(
             OUR_VENDOR + number.to_bytes(10, "big"),
             (self.address,),
-            (GROUP,),
+            peers,
             b"enclave=/;",
             datagram_bytes=1400,
             fragment_bytes=500,
@@ -69,9 +76,13 @@ class Network:
         self._under_way: list[tuple[int, Machine, Address, bytes]] = []
 
     def add(
-        self, host: str, bounds: Bounds = USUAL_BOUNDS, wanted: Callable[[str], bool] = lambda topic: True
+        self,
+        host: str,
+        bounds: Bounds = USUAL_BOUNDS,
+        wanted: Callable[[str], bool] = lambda topic: True,
+        peers: tuple[Address, ...] = (GROUP,),
     ) -> Machine:
-        machine = Machine(self, host, bounds, wanted)
+        machine = Machine(self, host, bounds, wanted, peers)
         self.machines.append(machine)
         machine.participant.start(self.now_ns)
         return machine

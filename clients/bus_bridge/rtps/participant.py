@@ -260,7 +260,7 @@ class Participant:
         with self._turn(now_ns):
             if self._announce_ns is not None and self._announce_ns <= now_ns:
                 self._announce_ns = now_ns + _ANNOUNCE_NS
-                for address in self._settings.peers:
+                for address in self._called():
                     self._announce(address)
                 for far in self.far.expired(now_ns):
                     self._remove(far)
@@ -298,9 +298,7 @@ class Participant:
     def leave(self, now_ns: int) -> None:
         """Tell all others that this participant goes. Nothing may be called after that."""
         news = [write_data(SPDP_READER, SPDP_WRITER, _LAST_CALL, None, departure(self.prefix + PARTICIPANT))]
-        addresses = dict.fromkeys(self._settings.peers)
-        addresses |= {far.discovery_address: None for far in self.far if far.discovery_address is not None}
-        for address in addresses:
+        for address in self._called():
             self._outbox.put_for_all(address, news)
         self._announce_ns = None
 
@@ -334,6 +332,15 @@ class Participant:
         address = far.discovery_address if is_discovery else far.address_of(guid)
         if address is not None:
             self._outbox.put(address, far.prefix, list(parts))
+
+    def _called(self) -> Iterable[Address]:
+        """Where the participant announces itself again and again: also to all that it has found.
+
+        Those may be out of reach of the settings' addresses, if they have called this participant first. A
+        datagram may be lost, and Fast DDS ignores announcements that come while it starts.
+        """
+        found = (far.discovery_address for far in self.far if far.discovery_address is not None)
+        return dict.fromkeys((*self._settings.peers, *found))
 
     def _announce(self, address: Address) -> None:
         settings = self._settings

@@ -80,7 +80,21 @@ def test_silence_between_the_calls() -> None:
     pair.network.run(10)
     before = pair.network.sent
     pair.network.run(20)
-    assert pair.network.sent - before == 2 * 10  # each calls every two seconds, and that is all
+    # Each calls the group and the other one every two seconds, and that is all.
+    assert pair.network.sent - before == 2 * 2 * 10
+
+
+def test_a_participant_that_is_only_called_goes_on_announcing_itself() -> None:
+    # Of its only peer's side, the first answer is lost: Fast DDS ignores announcements while it starts.
+    network = Network(lambda number: number == 2)
+    called = network.add("10.0.0.1", peers=())
+    network.add("10.0.0.2", peers=(called.address,))
+    network.run(1)
+    assert [len(one.participants) for one in network.machines] == [1, 0]
+    network.run(1.5)
+    assert [len(one.participants) for one in network.machines] == [1, 1]
+    network.run(60)  # so neither lets the other's lease end
+    assert [len(one.participants) for one in network.machines] == [1, 1]
 
 
 def test_announcements_are_known_only_once_they_are_acknowledged() -> None:
