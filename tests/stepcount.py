@@ -275,6 +275,8 @@ async def _listen(unit: str, *, message_lost: bool = False) -> list[Any]:
 
     def counted(message: String) -> None:
         callback(message)
+        if is_done.done():
+            return  # further messages of the same batch
         if heard >= _WARM_UP:
             meter.mark()
         if heard == _WARM_UP + _MESSAGES and not meter.is_endless:
