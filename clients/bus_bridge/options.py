@@ -63,6 +63,8 @@ class Ros2Table(BridgeTable, frozen=True, kw_only=True):
     """Network interface, by name or address; by default loopback."""
     peers: tuple[str, ...] = ()
     """Addresses of machines with ROS 2, for networks without multicast."""
+    discovery_servers: tuple[str, ...] = ()
+    """Discovery Servers of Fast DDS, which tell of all nodes; added to those of $ROS_DISCOVERY_SERVER."""
     distro: Literal["auto", "humble"] | None = None
     """`humble`: the far side uses Humble's form of the graph."""
     carrier: Literal["auto", "cyclonedds", "rtps"] | None = None

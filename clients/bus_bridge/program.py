@@ -127,7 +127,7 @@ def _links(
 
 
 def _plan_ros2(table: Ros2Table) -> tuple[_MakeEngine, list[str]]:
-    only_dds = ("interface", "peers", "distro", "carrier")
+    only_dds = ("interface", "peers", "discovery_servers", "distro", "carrier")
     only_zenoh = ("connect", "router", "listen", "insecure", "tls")
     is_zenoh = table.rmw == "zenoh"
     for key in only_dds if is_zenoh else only_zenoh:
@@ -164,11 +164,13 @@ def _plan_dds(table: Ros2Table) -> tuple[_MakeEngine, list[str]]:
         peers=table.peers,
         distro=table.distro or "auto",
         carrier=table.carrier or "auto",
+        servers=table.discovery_servers,
     )
     options.check()
     options, remarks = environment.apply(options, environment.read(os.environ))
+    options.check()
     where = "this machine only" if options.is_local else f"interface {options.interface}"
     places = [f"in ROS 2's domain {options.domain} on DDS, {where}", *remarks]
-    if options.carrier == "auto" and options.carrier_used == "rtps":
+    if options.carrier == "auto" and options.carrier_used == "rtps" and not options.servers:
         places.append("cyclonedds is not installed: topics go by the RTPS of busd, which is slower")
     return lambda bus: DdsEngine(bus, options), places

@@ -27,7 +27,8 @@ from bus_bridge.rtps.ids import (
     writer_id,
 )
 from bus_bridge.rtps.parameters import RtpsError
-from bus_bridge.rtps.participant import Participant, Settings
+from bus_bridge.rtps.participant import Participant
+from bus_bridge.rtps.presence import Settings
 from bus_bridge.rtps.reader import Arrived
 from bus_bridge.rtps.writer import Keeping
 from fuzz.script import Script

@@ -38,6 +38,15 @@ _LOOPBACK_ONLY = (
     "<MaxAutoParticipantIndex>32</MaxAutoParticipantIndex></Discovery></Domain></CycloneDDS>"
 )
 
+_SERVER = """<dds xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles"><profiles>
+<participant profile_name="server" is_default_profile="true"><rtps>
+<prefix>44.53.00.5f.45.50.52.4f.53.49.4d.41</prefix>
+<builtin><discovery_config><discoveryProtocol>SERVER</discoveryProtocol></discovery_config>
+<metatrafficUnicastLocatorList><locator><udpv4><address>{}</address><port>{}</port></udpv4></locator>
+</metatrafficUnicastLocatorList></builtin></rtps></participant></profiles></dds>
+"""
+"""A profile of Fast DDS. The prefix is that of the first server in ROS_DISCOVERY_SERVER."""
+
 
 def each_distro(test: Callable[P, R]) -> Callable[P, R]:
     """Run a test with each distribution; in `make test` only with one of them, which its name selects."""
@@ -178,10 +187,12 @@ def ros(
     domain: int = 0,
     reach: Literal["LOCALHOST", "SUBNET"] = "LOCALHOST",
     static_peers: str = "",
+    variables: Mapping[str, str] | None = None,
 ) -> Peer:
     """A node of ROS 2's own rclpy, that looks for others on its machine only. Skips where there is none.
 
     SUBNET is what ROS 2 does by default, and is for machines of a test: it calls on all networks.
+    `variables`: further ones of the environment.
     """
     if reason := why_no_ros(distro):
         pytest.skip(reason)
@@ -192,9 +203,22 @@ def ros(
         "ROS_LOG_DIR": tempfile.gettempdir(),
         "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp",
         "PYTHONPATH": "",
+        **(variables or {}),
     }
     command = (str(python_of(distro)), str(PROGRAMS / "ros.py"), name, *([namespace] if namespace else []))
     return Peer(command, environ, machine)
+
+
+def discovery_server(
+    distro: Distro, machine: Machine | None, address: tuple[str, int], folder: Path, *, domain: int = 0
+) -> Peer:
+    """A Discovery Server of Fast DDS, in the process of the node /server. Skips where there is no rclpy."""
+    profile = folder / "server.xml"
+    profile.write_text(_SERVER.format(*address))
+    names = ("FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE")
+    profiles = dict.fromkeys(names, str(profile))
+    # LOCALHOST would choose other addresses. A server calls only those that have called it.
+    return ros(distro, "server", machine, domain=domain, reach="SUBNET", variables=profiles)
 
 
 def cyclone(machine: Machine | None, *, domain: int = 0) -> Peer:

@@ -1,16 +1,38 @@
 """Participants of RTPS on a network without sockets, whose time jumps."""
 
 from collections.abc import Callable
+from typing import Protocol
 
 from bus_bridge.rtps.announcements import EndpointData, ParticipantData
 from bus_bridge.rtps.far import USUAL_BOUNDS, Bounds
-from bus_bridge.rtps.ids import OUR_VENDOR
+from bus_bridge.rtps.ids import FAST_DDS, OUR_VENDOR
 from bus_bridge.rtps.parameters import Address
-from bus_bridge.rtps.participant import Participant, Settings
+from bus_bridge.rtps.participant import Participant
+from bus_bridge.rtps.presence import Settings
 
 MS = 1_000_000
 S = 1000 * MS
 GROUP: Address = ("239.255.0.1", 7400)
+
+
+class Acting(Protocol):
+    """One that takes datagrams, and does what is due."""
+
+    @property
+    def due_ns(self) -> int | None: ...
+    def act(self, now_ns: int) -> None: ...
+    def receive(self, datagram: bytes, source: Address, now_ns: int) -> None: ...
+
+
+class Member(Protocol):
+    """One of a network."""
+
+    @property
+    def address(self) -> Address: ...
+    @property
+    def is_cut(self) -> bool: ...
+    @property
+    def participant(self) -> Acting: ...
 
 
 class Machine:
@@ -23,7 +45,10 @@ class Machine:
         bounds: Bounds,
         wanted: Callable[[str], bool],
         peers: tuple[Address, ...],
+        *,
+        is_client: bool = False,
     ) -> None:
+        self.vendor = FAST_DDS if is_client else OUR_VENDOR
         self.address: Address = host, 7410
         self.far: dict[bytes, EndpointData] = {}
         self.participants: set[bytes] = set()
@@ -34,7 +59,8 @@ class Machine:
             OUR_VENDOR + number.to_bytes(10, "big"),
             (self.address,),
             peers,
-            b"enclave=/;",
+            is_client=is_client,
+            user_data=b"enclave=/;",
             datagram_bytes=1400,
             fragment_bytes=500,
             bounds=bounds,
@@ -55,7 +81,7 @@ class Machine:
         assert not any(guid.startswith(prefix) for guid in self.far)
 
     def endpoint_added(self, endpoint: EndpointData, vendor: bytes) -> None:
-        assert endpoint.guid not in self.far and vendor == OUR_VENDOR
+        assert endpoint.guid not in self.far and vendor == self.vendor
         self.far[endpoint.guid] = endpoint
 
     def endpoint_removed(self, endpoint: EndpointData) -> None:
@@ -69,11 +95,11 @@ class Network:
     """Machines, and datagrams under way; `loses` decides about each by its number."""
 
     def __init__(self, loses: Callable[[int], bool] = lambda number: False) -> None:
-        self.machines: list[Machine] = []
+        self.machines: list[Member] = []
         self.now_ns = 1000 * S
         self.sent = 0
         self.loses = loses
-        self._under_way: list[tuple[int, Machine, Address, bytes]] = []
+        self._under_way: list[tuple[int, Member, Address, bytes]] = []
 
     def add(
         self,
@@ -81,13 +107,15 @@ class Network:
         bounds: Bounds = USUAL_BOUNDS,
         wanted: Callable[[str], bool] = lambda topic: True,
         peers: tuple[Address, ...] = (GROUP,),
+        *,
+        is_client: bool = False,
     ) -> Machine:
-        machine = Machine(self, host, bounds, wanted, peers)
+        machine = Machine(self, host, bounds, wanted, peers, is_client=is_client)
         self.machines.append(machine)
         machine.participant.start(self.now_ns)
         return machine
 
-    def send(self, source: Machine, address: Address, datagram: bytes) -> None:
+    def send(self, source: Member, address: Address, datagram: bytes) -> None:
         self.sent += 1
         if self.loses(self.sent):
             return

@@ -20,7 +20,7 @@ from bus_bridge.dds.graph import DomainGraph, NodeEntities
 from bus_bridge.dds.idl import idl_type
 from bus_bridge.dds.interfaces import LOOPBACK, address_of, check_interface
 from bus_bridge.dds.names import ENCLAVE, MARK, user_data
-from bus_bridge.dds.options import DdsOptions
+from bus_bridge.dds.options import DdsOptions, checked_server
 from bus_bridge.dds.qos import ReaderKind, kinds_for, of_publisher, of_subscription
 from bus_bridge.dds.services import Services
 from bus_bridge.engine import (
@@ -267,18 +267,26 @@ class DdsEngine:
     async def _find_network(self) -> Reach:
         """The place of our participants, with addresses instead of names. Raises BridgeError."""
         options = self._options
-        peers = []
-        for peer in options.peers:
-            try:
-                found = await asyncio.get_running_loop().getaddrinfo(peer, None, family=socket.AF_INET)
-            except OSError as error:
-                self._far.warn(f"the RTPS of busd does not reach {peer}: {error.strerror}")
-            else:
-                peers.append(str(found[0][4][0]))
+        peers = [found for peer in options.peers if (found := await self._resolved(peer)) is not None]
+        servers = []
+        for host, port in map(checked_server, options.servers):
+            if (address := await self._resolved(host)) is not None:
+                servers.append((address, port))
+        if options.servers and not servers:
+            raise BridgeError(f"no Discovery Server can be reached: {', '.join(options.servers)}")
         if options.interface:
             check_interface(options.interface)
         host = LOOPBACK if options.is_local else address_of(options.interface)
-        return Reach(host, tuple(peers), options.discovery)
+        return Reach(host, tuple(peers), options.discovery, tuple(servers))
+
+    async def _resolved(self, host: str) -> str | None:
+        """The IPv4 address of a machine; None, with a warning, if its name has none."""
+        try:
+            found = await asyncio.get_running_loop().getaddrinfo(host, None, family=socket.AF_INET)
+        except OSError as error:
+            self._far.warn(f"the RTPS of busd does not reach {host}: {error.strerror}")
+            return None
+        return str(found[0][4][0])
 
     def _join_services(self, reach: Reach) -> Services:
         """Join the domain, for services. Raises BridgeError."""

@@ -4,50 +4,63 @@ The interface of a bridge is chosen by its options only: without one it reaches 
 the environment says. Within that reach the variables mean the same as for a node of ROS 2.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Final, NamedTuple, get_args
 
 import msgspec
 
-from bus_bridge.dds.options import DdsOptions, checked_peer, far_of
+from bus_bridge.dds.options import DdsOptions, checked_peer, checked_server, far_of
 from bus_bridge.errors import BridgeError
 from bus_bridge.rtps.reach import DiscoveryRange
 
-__all__ = ["RANGE", "STATIC_PEERS", "Told", "apply", "read"]
+__all__ = ["RANGE", "SERVERS", "STATIC_PEERS", "Told", "apply", "read"]
 
 RANGE: Final = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 STATIC_PEERS: Final = "ROS_STATIC_PEERS"
+SERVERS: Final = "ROS_DISCOVERY_SERVER"
 
 _RANGES: Final[tuple[DiscoveryRange, ...]] = get_args(DiscoveryRange)
 
 
 class Told(NamedTuple):
-    """The content of the two variables."""
+    """The content of the variables."""
 
     discovery: DiscoveryRange | None = None
     """None: the variable is not set, or empty."""
     peers: tuple[str, ...] = ()
+    servers: tuple[str, ...] = ()
 
 
 def read(environment: Mapping[str, str]) -> Told:
-    """Read both variables. Raises BridgeError for a wrong value."""
-    return Told(_range(environment.get(RANGE, "")), _peers(environment.get(STATIC_PEERS, "")))
+    """Read the variables. Raises BridgeError for a wrong value."""
+    return Told(
+        _range(environment.get(RANGE, "")),
+        _addresses(STATIC_PEERS, environment.get(STATIC_PEERS, ""), checked_peer, "10.0.0.2;robot.local"),
+        _addresses(SERVERS, environment.get(SERVERS, ""), checked_server, "10.0.0.2:11811;10.0.0.3:11811"),
+    )
 
 
 def apply(options: DdsOptions, told: Told) -> tuple[DdsOptions, list[str]]:
     """The options with what the environment adds, and lines for the user about its effect."""
     discovery = told.discovery or "SUBNET"
-    made = msgspec.structs.replace(options, discovery=discovery)
+    servers = tuple(dict.fromkeys((*options.servers, *told.servers)))
+    made = msgspec.structs.replace(options, discovery=discovery, servers=servers)
+    if discovery == "OFF":
+        lines = [f"{RANGE} is OFF: the bridge finds no node of ROS 2, and none finds the bridge"]
+        return made, lines + ([f"{RANGE} is OFF: {STATIC_PEERS} has no effect"] if told.peers else [])
+    if servers:
+        lines = [f"nodes are found by the Discovery Server {', '.join(servers)}"]
+        without = [name for name, peers in (("--peer", made.peers), (STATIC_PEERS, told.peers)) if peers]
+        lines += [f"with a Discovery Server, {name} has no effect" for name in without]
+        return msgspec.structs.replace(made, peers=()), lines
     lines = []
     match told.discovery:
-        case "OFF":
-            lines.append(f"{RANGE} is OFF: the bridge finds no node of ROS 2, and none finds the bridge")
         case "LOCALHOST" if not options.is_local:
             lines.append(f"{RANGE} is LOCALHOST: no multicast, so other machines are found as peers only")
         case "SUBNET" if options.is_local:
             lines.append(f"{RANGE} is SUBNET, but without --interface the bridge reaches this machine only")
     peers = told.peers
-    if peers and discovery in ("OFF", "SYSTEM_DEFAULT"):
+    if peers and discovery == "SYSTEM_DEFAULT":
         lines.append(f"{RANGE} is {discovery}: {STATIC_PEERS} has no effect")
         peers = ()
     if options.is_local and (far := far_of(peers)):
@@ -65,15 +78,14 @@ def _range(text: str) -> DiscoveryRange | None:
     raise BridgeError(f"{RANGE} must be one of {', '.join(_RANGES)}, not '{text}'")
 
 
-def _peers(text: str) -> tuple[str, ...]:
-    found = []
-    for part in text.split(";"):
+def _addresses(name: str, text: str, checked: Callable[[str], object], example: str) -> tuple[str, ...]:
+    """The addresses in that variable. The place of a Discovery Server is its number, so some may be empty."""
+    found = tuple(part for part in text.split(";") if part)
+    for part in found:
         try:
-            if part:
-                found.append(checked_peer(part))
+            checked(part)
         except BridgeError as error:
             raise BridgeError(
-                f"{STATIC_PEERS}: {error}; addresses are separated by semicolons, as in "
-                "'10.0.0.2;robot.local'"
+                f"{name}: {error}; addresses are separated by semicolons, as in '{example}'"
             ) from None
-    return tuple(found)
+    return found

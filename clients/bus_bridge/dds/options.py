@@ -2,7 +2,7 @@
 
 import ipaddress
 from importlib.util import find_spec
-from typing import Literal
+from typing import Final, Literal
 
 import msgspec
 
@@ -10,10 +10,21 @@ from bus_bridge.errors import BridgeError
 from bus_bridge.ros2.domain import MAX_DOMAIN, chosen_domain
 from bus_bridge.rtps.reach import DiscoveryRange
 
-__all__ = ["CarrierName", "DdsOptions", "Distro", "checked_interface", "checked_peer", "far_of"]
+__all__ = [
+    "CarrierName",
+    "DdsOptions",
+    "Distro",
+    "checked_interface",
+    "checked_peer",
+    "checked_server",
+    "far_of",
+]
 
 Distro = Literal["auto", "humble"]
 CarrierName = Literal["auto", "cyclonedds", "rtps"]
+
+_SERVER_PORT: Final = 11811
+"""The port of the first Discovery Server of a machine, if no other is chosen."""
 
 
 class DdsOptions(msgspec.Struct, frozen=True):
@@ -32,12 +43,16 @@ class DdsOptions(msgspec.Struct, frozen=True):
     """What carries topics: cyclonedds, or the RTPS of busd. `auto`: cyclonedds if it is installed."""
     discovery: DiscoveryRange = "SUBNET"
     """How far the bridge looks for ROS 2's nodes, within the reach of `interface`."""
+    servers: tuple[str, ...] = ()
+    """Discovery Servers of Fast DDS, with or without a port. With any, they tell of all nodes."""
 
     @property
     def carrier_used(self) -> CarrierName:
         """The carrier to use: `cyclonedds` or `rtps`."""
         if self.carrier != "auto":
             return self.carrier
+        if self.servers:
+            return "rtps"  # only Fast DDS and the RTPS of busd know them
         return "cyclonedds" if find_spec("cyclonedds") is not None else "rtps"
 
     @property
@@ -57,13 +72,18 @@ class DdsOptions(msgspec.Struct, frozen=True):
         checked_interface(self.interface)
         for peer in self.peers:
             checked_peer(peer)
-        if (far := far_of(self.peers)) and self.is_local:
+        far = far_of((*self.peers, *(checked_server(server)[0] for server in self.servers)))
+        if far and self.is_local:
             raise BridgeError(
                 f"{far[0]} can't be reached over the loopback interface: name the interface towards it, as "
                 "in --interface eth0"
             )
         if self.distro not in ("auto", "humble"):
             raise BridgeError(f"the distro must be auto or humble, not '{self.distro}'")
+        if self.servers and self.carrier_used == "cyclonedds":
+            raise BridgeError(
+                f"the Discovery Server {self.servers[0]} needs --carrier rtps: cyclonedds knows none"
+            )
         if self.distro == "humble" and self.carrier_used == "rtps":
             raise BridgeError("the distro humble needs cyclonedds as the carrier")
 
@@ -80,6 +100,17 @@ def checked_peer(text: str) -> str:
     if not text or not _is_plain(text):
         raise BridgeError(f"'{text}' is not the address of a machine")
     return text
+
+
+def checked_server(text: str) -> tuple[str, int]:
+    """The host and the port of a Discovery Server. Raises BridgeError if `text` names none."""
+    host, colon, port = text.partition(":")
+    if not host or not _is_plain(host) or (colon and not (port.isdecimal() and 0 < int(port) < 1 << 16)):
+        raise BridgeError(
+            f"'{text}' is not the address of a Discovery Server over UDP and IPv4, as in "
+            f"'10.0.0.2:{_SERVER_PORT}'"
+        )
+    return host, int(port) if colon else _SERVER_PORT
 
 
 def far_of(peers: tuple[str, ...]) -> list[str]:

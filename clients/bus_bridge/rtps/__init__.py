@@ -3,7 +3,7 @@
     datagrams <-> `messages.py` (`parameters.py`, `ids.py`);  discovery: `announcements.py`
     samples <-> `writer.py` <-> `messages.py` <-> `reader.py` (`fragments.py`, `room.py`; states: `lives.py`)
 
-    datagrams <-> `participant.py` (readers, writers, `far.py`, `outbox.py`) <-> its user
+    datagrams <-> `participant.py` (`local.py`, `far.py`, `presence.py`, `outbox.py`) <-> its user
     event loop: `running.py` (`sockets.py`; the addresses to call: `reach.py`)
 
 All except `running.py` and `sockets.py` is pure: bytes, values and times in, bytes and values out.

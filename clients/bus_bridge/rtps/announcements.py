@@ -13,6 +13,7 @@ from bus_bridge.rtps.ids import (
     is_reader_id,
     is_writer_id,
 )
+from bus_bridge.rtps.messages import write_number64
 from bus_bridge.rtps.parameters import (
     FOREVER_NS,
     Address,
@@ -24,6 +25,7 @@ from bus_bridge.rtps.parameters import (
     read_number,
     read_octets,
     read_parameters,
+    read_properties,
     read_text,
     read_texts,
     write_address,
@@ -31,6 +33,7 @@ from bus_bridge.rtps.parameters import (
     write_number,
     write_octets,
     write_parameters,
+    write_properties,
     write_text,
 )
 
@@ -42,6 +45,7 @@ __all__ = [
     "Policies",
     "departed",
     "departure",
+    "identity",
     "is_match",
     "read_endpoint",
     "read_participant",
@@ -60,7 +64,7 @@ _LEASE, _TOPIC, _TYPE, _VERSION, _VENDOR, _RELIABILITY = 0x02, 0x05, 0x07, 0x15,
 _LIVELINESS, _DURABILITY, _DEADLINE, _PARTITION, _LIFESPAN, _USER_DATA = 0x1B, 0x1D, 0x23, 0x29, 0x2B, 0x2C
 _UNICAST, _DEFAULT_UNICAST, _META_UNICAST, _HISTORY = 0x2F, 0x31, 0x32, 0x40
 _PARTICIPANT_GUID, _BUILTIN_SET, _ENDPOINT_GUID = 0x50, 0x58, 0x5A
-_KEY_HASH, _STATUS, _REPRESENTATION = 0x70, 0x71, 0x73
+_PROPERTIES, _KEY_HASH, _STATUS, _REPRESENTATION, _RELATED = 0x59, 0x70, 0x71, 0x73, 0x83
 
 _PL_CDR_LE: Final = b"\x00\x03\x00\x00"
 _PL_CDR: Final = {b"\x00\x03": "<", b"\x00\x02": ">"}
@@ -73,6 +77,13 @@ _GONE: Final = 0b11
 """Disposed or unregistered."""
 _XCDR1: Final = 0
 _DEFAULT_LEASE_NS: Final = 100_000_000_000
+
+_ROLE, _SERVERS_VERSION = "PARTICIPANT_TYPE", "DS_VERSION"
+"""Properties of participants of Fast DDS: what they are to a Discovery Server, and the version of that."""
+_CLIENT_OF_ALL: Final = "SUPER_CLIENT"
+"""A Discovery Server tells it of everything, others only of their own topics."""
+_SERVER_ROLES: Final = frozenset(("SERVER", "BACKUP"))
+_VERSION_OF_SERVERS: Final = "2.0"
 
 
 class Policies(NamedTuple):
@@ -103,6 +114,13 @@ class ParticipantData(NamedTuple):
     """For samples to its readers and writers, if they have none of their own."""
     lease_ns: int
     user_data: bytes = b""
+    role: str = ""
+    """What it is to a Discovery Server of Fast DDS; empty: it has nothing to do with one, or did not say."""
+
+    @property
+    def is_server(self) -> bool:
+        """Whether it is a Discovery Server."""
+        return self.role in _SERVER_ROLES
 
 
 class EndpointData(NamedTuple):
@@ -122,7 +140,7 @@ def write_participant(data: ParticipantData) -> bytes:
     """The payload of an announcement of our participant."""
     parameters = [
         (_VERSION, b"\x02\x03"),
-        (_VENDOR, OUR_VENDOR),
+        (_VENDOR, data.vendor),
         (_PARTICIPANT_GUID, data.prefix + PARTICIPANT),
         (_BUILTIN_SET, write_number(_DISCOVERY)),
         *((_META_UNICAST, write_address(one)) for one in data.discovery_addresses),
@@ -131,16 +149,23 @@ def write_participant(data: ParticipantData) -> bytes:
     ]
     if data.user_data:
         parameters.append((_USER_DATA, write_octets(data.user_data)))
+    if data.role:
+        properties = [(_ROLE, data.role), (_SERVERS_VERSION, _VERSION_OF_SERVERS)]
+        parameters.append((_PROPERTIES, write_properties(properties)))
     return _PL_CDR_LE + write_parameters(parameters)
 
 
-def read_participant(payload: bytes, source: bytes) -> ParticipantData:
+def read_participant(payload: bytes, source: bytes | None) -> ParticipantData:
     """A participant; `source` is the prefix of the datagram's sender, which announces only itself.
 
-    Raises RtpsError.
+    None: the sender is a Discovery Server, which announces others. Raises RtpsError.
     """
     order, found = _list_in(payload)
     guid = _guid(found, _PARTICIPANT_GUID)
+    if source is None:
+        if guid is None:
+            raise RtpsError("the announcement of a participant without its GUID")
+        source = guid[:PREFIX_BYTES]
     if guid is not None and guid[:PREFIX_BYTES] != source:
         raise RtpsError("the announcement of a participant by another one")
     lease_ns = read_duration_ns(found[_LEASE][0], order) if _LEASE in found else _DEFAULT_LEASE_NS
@@ -151,6 +176,7 @@ def read_participant(payload: bytes, source: bytes) -> ParticipantData:
         _addresses(found, _DEFAULT_UNICAST, order),
         lease_ns,
         _user_data(found, order),
+        _role(found, order),
     )
 
 
@@ -186,11 +212,11 @@ def write_endpoint(data: EndpointData) -> bytes:
     return _PL_CDR_LE + write_parameters(parameters)
 
 
-def read_endpoint(payload: bytes, kind: EndpointKind, source: bytes) -> EndpointData:
-    """A reader or writer of the participant with the prefix `source`. Raises RtpsError."""
+def read_endpoint(payload: bytes, kind: EndpointKind, source: bytes | None) -> EndpointData:
+    """A reader or writer of the participant with the prefix `source`; None: of any. Raises RtpsError."""
     order, found = _list_in(payload)
     guid = _guid(found, _ENDPOINT_GUID)
-    if guid is None or guid[:PREFIX_BYTES] != source:
+    if guid is None or source not in (None, guid[:PREFIX_BYTES]):
         raise RtpsError("an endpoint without a GUID of its participant")
     if not (is_reader_id(guid) if kind == "reader" else is_writer_id(guid)):
         raise RtpsError(f"a {kind} with the id {guid[PREFIX_BYTES:].hex()}")
@@ -212,9 +238,21 @@ def read_endpoint(payload: bytes, kind: EndpointKind, source: bytes) -> Endpoint
     )
 
 
-def departure(guid: bytes) -> bytes:
-    """Inline QoS that tells others that our participant or endpoint with that GUID has gone."""
-    return write_parameters([(_KEY_HASH, guid), (_STATUS, bytes(3) + bytes([_GONE]))])
+def identity(writer: bytes, number: int) -> bytes:
+    """Inline QoS of an announcement for a Discovery Server: the GUID of our writer, and its number there.
+
+    The server passes on the announcement by a writer of its own, with another number.
+    """
+    return write_parameters(_identity(writer, number))
+
+
+def departure(guid: bytes, writer: bytes = b"", number: int = 0) -> bytes:
+    """Inline QoS that tells others that our participant or endpoint with that GUID has gone.
+
+    For a Discovery Server with an identity, as in `identity`.
+    """
+    named = _identity(writer, number) if writer else []
+    return write_parameters([*named, (_KEY_HASH, guid), (_STATUS, bytes(3) + bytes([_GONE]))])
 
 
 def departed(payload: bytes | None, inline: Parameters) -> bytes | None:
@@ -247,6 +285,19 @@ def is_match(ours: EndpointData, far: EndpointData) -> bool:
         and offered.liveliness >= asked.liveliness
         and offered.lease_ns <= asked.lease_ns
     )
+
+
+def _identity(writer: bytes, number: int) -> list[tuple[int, bytes]]:
+    return [(_RELATED, writer + write_number64(number))]
+
+
+def _role(found: Parameters, order: Order) -> str:
+    if _PROPERTIES not in found:
+        return ""
+    try:
+        return read_properties(found[_PROPERTIES][0], order).get(_ROLE, "")
+    except RtpsError:
+        return ""  # vendors write much there, and nothing else is of interest
 
 
 def _list_in(payload: bytes) -> tuple[Order, Parameters]:

@@ -332,9 +332,9 @@ _READERS: Final[Mapping[int, Callable[[bytes, int, Order], Submessage]]] = {
 # --- out, always little-endian
 
 
-def write_head(prefix: bytes) -> bytes:
+def write_head(prefix: bytes, vendor: bytes = OUR_VENDOR) -> bytes:
     """The beginning of a datagram of our participant with that prefix."""
-    return _MAGIC + _VERSION + OUR_VENDOR + prefix
+    return _MAGIC + _VERSION + vendor + prefix
 
 
 def _submessage(kind: int, flags: int, body: bytes) -> bytes:

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import Final
 
+from bus_bridge.rtps.ids import OUR_VENDOR
 from bus_bridge.rtps.messages import write_destination, write_head
 from bus_bridge.rtps.parameters import Address
 
@@ -19,9 +20,13 @@ class Outbox:
     """
 
     def __init__(
-        self, prefix: bytes, transmit: Callable[[Address, bytes], None], datagram_bytes: int
+        self,
+        prefix: bytes,
+        transmit: Callable[[Address, bytes], None],
+        datagram_bytes: int,
+        vendor: bytes = OUR_VENDOR,
     ) -> None:
-        self._head = write_head(prefix)
+        self._head = write_head(prefix, vendor)
         self._transmit = transmit
         self._most = datagram_bytes - _HEAD_BYTES
         self._waiting: dict[tuple[Address, bytes], list[bytes]] = {}

@@ -20,6 +20,7 @@ __all__ = [
     "read_number",
     "read_octets",
     "read_parameters",
+    "read_properties",
     "read_text",
     "read_texts",
     "write_address",
@@ -27,6 +28,7 @@ __all__ = [
     "write_number",
     "write_octets",
     "write_parameters",
+    "write_properties",
     "write_text",
 ]
 
@@ -128,15 +130,18 @@ def write_text(value: str) -> bytes:
 
 def read_texts(value: bytes, order: Order) -> list[str]:
     """A counted sequence of texts. Raises RtpsError."""
-    count = read_number(value, order)
-    if count > _MOST_TEXTS:
-        raise RtpsError(f"{count} texts; at most {_MOST_TEXTS} are allowed")
-    found, at = [], 4
-    for _ in range(count):
-        size = read_number(value[at:], order)
-        found.append(read_text(value[at:], order))
-        at += 4 + size + -size % 4
-    return found
+    return _texts(value, order, read_number(value, order))
+
+
+def read_properties(value: bytes, order: Order) -> dict[str, str]:
+    """A counted sequence of pairs of texts: names and values. Raises RtpsError."""
+    texts = _texts(value, order, 2 * read_number(value, order))
+    return dict(zip(texts[::2], texts[1::2], strict=True))
+
+
+def write_properties(properties: Sequence[tuple[str, str]]) -> bytes:
+    padded = [(one + bytes(-len(one) % 4)) for pair in properties for one in map(write_text, pair)]
+    return write_number(len(properties)) + b"".join(padded)
 
 
 def read_duration_ns(value: bytes, order: Order) -> int:
@@ -168,6 +173,17 @@ def read_addresses(values: Sequence[bytes], order: Order) -> tuple[Address, ...]
         if kind == _UDP_V4 and 0 < port < 1 << 16:
             found.append((".".join(map(str, value[20:24])), port))
     return tuple(found)
+
+
+def _texts(value: bytes, order: Order, count: int) -> list[str]:
+    if count > _MOST_TEXTS:
+        raise RtpsError(f"{count} texts; at most {_MOST_TEXTS} are allowed")
+    found, at = [], 4
+    for _ in range(count):
+        size = read_number(value[at:], order)
+        found.append(read_text(value[at:], order))
+        at += 4 + size + -size % 4
+    return found
 
 
 def write_address(address: Address) -> bytes:

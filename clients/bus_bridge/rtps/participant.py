@@ -6,13 +6,17 @@ know: sockets and clocks. Datagrams come in by `receive`, and leave by `transmit
 
 An announcement of a participant is sent again and again. Announcements of endpoints are samples of two
 reliable writers that each participant has. Other endpoints than the wanted ones are not kept.
+
+A client of Discovery Servers of Fast DDS announces itself to these only, and learns of all others from them:
+participants by a third pair of a reliable writer and a reader, their endpoints by the same writers as those
+of the server. Samples go directly.
 """
 
 import heapq
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from itertools import count
-from typing import Final, NamedTuple, Protocol
+from typing import Final, Protocol
 
 from bus_bridge.rtps.announcements import (
     RELIABLE,
@@ -21,17 +25,13 @@ from bus_bridge.rtps.announcements import (
     ParticipantData,
     Policies,
     departed,
-    departure,
     is_match,
     read_endpoint,
     read_participant,
     write_endpoint,
-    write_participant,
 )
-from bus_bridge.rtps.far import USUAL_BOUNDS, Bounds, FarParticipant, FarParticipants
+from bus_bridge.rtps.far import FarParticipant, FarParticipants
 from bus_bridge.rtps.ids import (
-    OUR_VENDOR,
-    PARTICIPANT,
     PREFIX_BYTES,
     PUBLICATIONS_READER,
     PUBLICATIONS_WRITER,
@@ -43,6 +43,7 @@ from bus_bridge.rtps.ids import (
     reader_id,
     writer_id,
 )
+from bus_bridge.rtps.local import Local
 from bus_bridge.rtps.messages import (
     AckNack,
     Data,
@@ -53,41 +54,28 @@ from bus_bridge.rtps.messages import (
     NackFragments,
     Received,
     read_datagram,
-    write_data,
 )
 from bus_bridge.rtps.outbox import Outbox
 from bus_bridge.rtps.parameters import Address, RtpsError
+from bus_bridge.rtps.presence import CALL, Presence, Settings
 from bus_bridge.rtps.reader import Arrived, Reader
 from bus_bridge.rtps.writer import USUAL, Keeping, Writer
 
-__all__ = ["Events", "Local", "Participant", "Settings"]
+__all__ = ["Events", "Participant"]
 
 _ANNOUNCE_NS: Final = 2_000_000_000
-_LEASE_NS: Final = 20_000_000_000
-_CALL, _LAST_CALL = 1, 2
-"""Numbers of the announcements of a participant. Fast DDS ignores an end with the number of a call."""
 _OF_DISCOVERY: Final = Keeping(changes=20_000, payload_bytes=32 << 20, for_late_joiners=True)
 _KINDS: Final[Mapping[bytes, EndpointKind]] = {PUBLICATIONS_WRITER: "writer", SUBSCRIPTIONS_WRITER: "reader"}
 """What the two writers of discovery announce."""
-_BUILTIN: Final = frozenset(
-    (PUBLICATIONS_WRITER, PUBLICATIONS_READER, SUBSCRIPTIONS_WRITER, SUBSCRIPTIONS_READER)
-)
-
-
-class Settings(NamedTuple):
-    """A participant's own data."""
-
-    prefix: bytes
-    """12 bytes, unique."""
-    addresses: tuple[Address, ...]
-    """Where it receives."""
-    peers: tuple[Address, ...]
-    """Where it announces itself: the multicast group, or addresses that participants may have."""
-    user_data: bytes = b""
-    datagram_bytes: int = 16_000
-    fragment_bytes: int = 60_000
-    """Over a network of its own, both should fit into one of its packets."""
-    bounds: Bounds = USUAL_BOUNDS
+_READERS: Final = {
+    PUBLICATIONS_WRITER: PUBLICATIONS_READER,
+    SUBSCRIPTIONS_WRITER: SUBSCRIPTIONS_READER,
+    SPDP_WRITER: SPDP_READER,
+}
+"""The reader of each writer of discovery. Those for participants are reliable between a Discovery Server and
+its clients only."""
+_WRITERS: Final = {reader: writer for writer, reader in _READERS.items()}
+_BUILTIN: Final = _READERS.keys() | _WRITERS.keys()
 
 
 class Events(Protocol):
@@ -101,25 +89,6 @@ class Events(Protocol):
     def endpoint_removed(self, endpoint: EndpointData) -> None: ...
     def warn(self, text: str) -> None:
         """The same text may come again."""
-
-
-class Local:
-    """A reader or writer of this participant, as `add_reader` and `add_writer` return it."""
-
-    def __init__(self, data: EndpointData, end: Reader | Writer) -> None:
-        self.data = data
-        self.guid = data.guid
-        self.reader = end if isinstance(end, Reader) else None
-        self.writer = end if isinstance(end, Writer) else None
-        self.announced = 0
-        """The number of its announcement, among those of its kind."""
-
-    @property
-    def matched(self) -> list[bytes]:
-        """GUIDs of the far endpoints that it is matched with."""
-        if self.writer is not None:
-            return self.writer.readers
-        return [] if self.reader is None else self.reader.writers
 
 
 class Participant:
@@ -141,7 +110,9 @@ class Participant:
         self._settings = settings
         self._events = events
         self._is_wanted = is_wanted
-        self._outbox = Outbox(settings.prefix, transmit, settings.datagram_bytes)
+        self._presence = Presence(settings)
+        vendor = self._presence.vendor
+        self._outbox = Outbox(settings.prefix, transmit, settings.datagram_bytes, vendor)
         self._numbers = count(1)
         self._locals: dict[bytes, Local] = {}
         """By entity id."""
@@ -153,6 +124,11 @@ class Participant:
             self._ends[entity] = Writer(entity, self._send, _OF_DISCOVERY)
         for entity in (PUBLICATIONS_READER, SUBSCRIPTIONS_READER):
             self._ends[entity] = Reader(entity, self._send, self._endpoint_arrived)
+        if settings.is_client:
+            self._ends[SPDP_WRITER] = Writer(SPDP_WRITER, self._send, _OF_DISCOVERY)
+            self._ends[SPDP_READER] = Reader(
+                SPDP_READER, self._send, self._listed, on_anew=self._server_restarted
+            )
         self._touched: dict[bytes, None] = {}
         """Entities whose `due_ns` may have changed."""
         self._plan: list[tuple[int, int, bytes]] = []
@@ -216,7 +192,7 @@ class Participant:
                     local.reader.remove_writer(guid)
             announcer = self._announcer(local.data.kind)
             announcer.withdraw(local.announced)
-            news = departure(local.guid)
+            news = self._presence.departure(local.guid, announcer.entity, announcer.last + 1)
             announcer.write(None, now_ns, now_ns, inline=news, stays=False)
             self._touched[announcer.entity] = None
 
@@ -237,9 +213,14 @@ class Participant:
             return local.writer.write(payload, now_ns, time_ns, inline=inline, to=to)
 
     def is_known(self, local: Local, prefix: bytes) -> bool:
-        """Whether that participant has acknowledged the announcement of an endpoint of ours."""
+        """Whether that participant has acknowledged the announcement of an endpoint of ours, or a Discovery
+        Server that has it in its list."""
         announcer = self._announcer(local.data.kind)
-        return announcer.acknowledged(prefix + _reader_of(announcer.entity)) >= local.announced
+        far = self.far.find(prefix)
+        listeners = (far.relays if far is not None else ()) or (prefix,)
+        return any(
+            announcer.acknowledged(one + _READERS[announcer.entity]) >= local.announced for one in listeners
+        )
 
     # --- datagrams and times
 
@@ -253,6 +234,9 @@ class Participant:
     def start(self, now_ns: int) -> None:
         """Announce the participant from now on."""
         self._announce_ns = now_ns
+        if isinstance(listing := self._ends.get(SPDP_WRITER), Writer):
+            inline = self._presence.inline(SPDP_WRITER, CALL)
+            listing.write(self._presence.description, now_ns, now_ns, inline=inline)
         self.act(now_ns)
 
     def act(self, now_ns: int) -> None:
@@ -264,6 +248,9 @@ class Participant:
                     self._announce(address)
                 for far in self.far.expired(now_ns):
                     self._remove(far)
+                for far in self.far if self._settings.is_client else ():
+                    if not far.relays and not far.data.is_server:
+                        self._ask_for_life(far)
             while self._plan and self._plan[0][0] <= now_ns:
                 due_ns, _, entity = heapq.heappop(self._plan)
                 if self._planned.get(entity) != due_ns:
@@ -297,7 +284,7 @@ class Participant:
 
     def leave(self, now_ns: int) -> None:
         """Tell all others that this participant goes. Nothing may be called after that."""
-        news = [write_data(SPDP_READER, SPDP_WRITER, _LAST_CALL, None, departure(self.prefix + PARTICIPANT))]
+        news = [self._presence.last_call()]
         for address in self._called():
             self._outbox.put_for_all(address, news)
         self._announce_ns = None
@@ -340,15 +327,17 @@ class Participant:
         datagram may be lost, and Fast DDS ignores announcements that come while it starts.
         """
         found = (far.discovery_address for far in self.far if far.discovery_address is not None)
-        return dict.fromkeys((*self._settings.peers, *found))
+        return dict.fromkeys((*self._settings.peers, *(() if self._settings.is_client else found)))
+
+    def _ask_for_life(self, far: FarParticipant) -> None:
+        """Ask a participant for a sign of life: no server watches it, and clients don't call each other."""
+        for guid in far.endpoints:
+            for local in self._matched.get(guid, {}).values():
+                if local.writer is not None and local.writer.ask(guid, self._now_ns):
+                    return
 
     def _announce(self, address: Address) -> None:
-        settings = self._settings
-        data = ParticipantData(
-            self.prefix, OUR_VENDOR, settings.addresses, settings.addresses, _LEASE_NS, settings.user_data
-        )
-        payload = write_participant(data)
-        self._outbox.put_for_all(address, [write_data(UNKNOWN_ENTITY, SPDP_WRITER, _CALL, payload)])
+        self._outbox.put_for_all(address, [self._presence.call()])
 
     def _announcer(self, kind: EndpointKind) -> Writer:
         end = self._ends[PUBLICATIONS_WRITER if kind == "writer" else SUBSCRIPTIONS_WRITER]
@@ -363,7 +352,8 @@ class Participant:
             self._ends[entity] = end
             self._by_topic.setdefault(data.topic, {})[entity] = local
             announcer = self._announcer(data.kind)
-            local.announced = announcer.write(write_endpoint(data), now_ns, now_ns)
+            inline = self._presence.inline(announcer.entity, announcer.last + 1)
+            local.announced = announcer.write(write_endpoint(data), now_ns, now_ns, inline=inline)
             self._touched[announcer.entity] = None
             for far in list(self.far.of_topic(data.topic).values()):
                 self._match(local, far)
@@ -372,13 +362,16 @@ class Participant:
     def _receive(self, received: Received, source: Address) -> None:
         one = received.submessage
         if isinstance(one, Data) and one.writer == SPDP_WRITER:
-            self._participant_arrived(one, received.source, source)
-            return
+            if not self._settings.is_client:
+                self._participant_arrived(one, received.source, source)
+                return
+            self._server_arrived(one, received.source, source)
         far = self.far.find(received.source)
         if far is None:
             self.strange += 1
             return
         self.far.refresh(far, self._now_ns)
+        far.heard_from(source)
         if isinstance(one, AckNack | NackFragments):
             end = self._ends.get(one.writer)
             if isinstance(end, Writer):
@@ -406,8 +399,8 @@ class Participant:
 
     def _readers_for(self, reader: bytes, writer: bytes) -> list[Reader]:
         """Our readers that a submessage of a far writer is for."""
-        if writer[PREFIX_BYTES:] in _KINDS:
-            end = self._ends[_reader_of(writer[PREFIX_BYTES:])]
+        if writer[PREFIX_BYTES:] in _READERS:
+            end = self._ends.get(_READERS[writer[PREFIX_BYTES:]])
             return [end] if isinstance(end, Reader) else []
         matched = self._matched.get(writer, {})
         if reader == UNKNOWN_ENTITY:
@@ -427,51 +420,116 @@ class Participant:
         except RtpsError as error:
             self._events.warn(f"a participant at {source[0]} is ignored: {error}")
             return
-        if known is not None:
+        if known is None:
+            self._meet(data, source)
+        else:
             known.update(data, source)
             self.far.refresh(known, self._now_ns)
+
+    def _server_arrived(self, one: Data, prefix: bytes, source: Address) -> None:
+        """A Discovery Server among the peers may have announced itself for the first time."""
+        if self.far.find(prefix) is not None or source[0] not in (peer[0] for peer in self._settings.peers):
             return
-        far = self.far.add(data, source, self._now_ns)
+        try:
+            data = read_participant(one.payload or b"", prefix)
+        except RtpsError:
+            return  # it passes on the announcement of another one, and sends that again once it is known
+        if data.is_server:
+            self._meet(data, source)
+
+    def _listed(self, arrived: Arrived) -> None:
+        """A Discovery Server has a participant in its list, or no longer: itself, too."""
+        server = self.far.find(arrived.writer[:PREFIX_BYTES])
+        if server is None:
+            return
+        try:
+            gone = departed(arrived.payload, arrived.inline)
+            data = None if gone is not None else read_participant(arrived.payload or b"", None)
+        except RtpsError as error:
+            self._events.warn(f"a participant that {server.source[0]} tells of is ignored: {error}")
+            return
+        known = self.far.find((gone or b"")[:PREFIX_BYTES] if data is None else data.prefix)
+        if data is None:
+            if known is server or (known and self.far.unlist(known, server.prefix, self._now_ns)):
+                self._remove(known)
+        elif known is server:
+            server.update(data, server.source)
+        elif data.is_server or data.prefix == self.prefix:
+            return  # servers tell of themselves
+        elif known is not None:
+            known.relays.add(server.prefix)
+            known.update(data, known.source)
+        elif (far := self._add_participant(data, server.source, server.prefix)) is not None:
+            for endpoint in self.far.take_early(far):
+                self._add_endpoint(far, endpoint)
+
+    def _server_restarted(self, writer: bytes) -> None:
+        """A Discovery Server has restarted, with the GUID that it had before. It will announce itself."""
+        if (server := self.far.find(writer[:PREFIX_BYTES])) is not None:
+            self._remove(server)
+
+    def _meet(self, data: ParticipantData, source: Address) -> None:
+        """A new participant has announced itself: announce everything to it."""
+        far = self._add_participant(data, source)
         if far is None:
-            self._events.warn(
-                f"a participant at {source[0]} is ignored: "
-                + (
-                    "it has no address that can be reached"
-                    if len(self.far) < self._settings.bounds.participants
-                    else f"there are {len(self.far)} participants, which is the limit"
-                )
-            )
             return
         assert far.discovery_address is not None
-        self._events.participant_added(data)
         self._announce(far.discovery_address)
         for entity, end in list(self._ends.items()):
             if entity not in _BUILTIN:
                 continue
             self._touched[entity] = None
             if isinstance(end, Writer):
-                end.add_reader(prefix + _reader_of(entity), self._now_ns)
+                end.add_reader(far.prefix + _READERS[entity], self._now_ns)
             else:
-                end.add_writer(prefix + _writer_of(entity), far.room, self._now_ns)
+                end.add_writer(far.prefix + _WRITERS[entity], far.room, self._now_ns)
+
+    def _add_participant(
+        self, data: ParticipantData, source: Address, relay: bytes = b""
+    ) -> FarParticipant | None:
+        far = self.far.add(data, source, self._now_ns, relay)
+        if far is not None:
+            self._events.participant_added(data)
+            return far
+        self._events.warn(
+            f"a participant at {source[0]} is ignored: "
+            + (
+                "it has no address that can be reached"
+                if len(self.far) < self._settings.bounds.participants
+                else f"there are {len(self.far)} participants, which is the limit"
+            )
+        )
+        return None
 
     def _endpoint_arrived(self, arrived: Arrived) -> None:
-        prefix = arrived.writer[:PREFIX_BYTES]
-        far = self.far.find(prefix)
-        if far is None:
+        sender = self.far.find(arrived.writer[:PREFIX_BYTES])
+        if sender is None:
             return
         kind = _KINDS[arrived.writer[PREFIX_BYTES:]]
         try:
             gone = departed(arrived.payload, arrived.inline)
             if gone is not None:
-                if gone[:PREFIX_BYTES] == prefix:
+                if self._may_tell_of(gone, sender):
                     self._forget_endpoint(gone)
                 return
-            endpoint = read_endpoint(arrived.payload or b"", kind, prefix)
+            source = None if self._settings.is_client else sender.prefix
+            endpoint = read_endpoint(arrived.payload or b"", kind, source)
         except RtpsError as error:
-            far.refused_endpoints += 1
-            self._events.warn(f"an endpoint at {far.source[0]} is ignored: {error}")
+            sender.refused_endpoints += 1
+            self._events.warn(f"an endpoint at {sender.source[0]} is ignored: {error}")
             return
-        if not self._is_wanted(endpoint) or self.far.find_endpoint(endpoint.guid) == endpoint:
+        if not self._may_tell_of(endpoint.guid, sender) or not self._is_wanted(endpoint):
+            return
+        far = self.far.find(endpoint.guid[:PREFIX_BYTES])
+        if far is not None:
+            self._add_endpoint(far, endpoint)
+        elif not self.far.keep_early(endpoint):
+            self._events.warn(
+                f"endpoints in the list of {sender.source[0]} are ignored: it names no participants for them"
+            )
+
+    def _add_endpoint(self, far: FarParticipant, endpoint: EndpointData) -> None:
+        if self.far.find_endpoint(endpoint.guid) == endpoint:
             return
         self._forget_endpoint(endpoint.guid)
         if not self.far.add_endpoint(endpoint):
@@ -483,6 +541,17 @@ class Participant:
         self._events.endpoint_added(endpoint, far.vendor)
         for local in list(self._by_topic.get(endpoint.topic, {}).values()):
             self._match(local, endpoint)
+
+    def _may_tell_of(self, guid: bytes, sender: FarParticipant) -> bool:
+        """Whether an endpoint belongs to the sender of its announcement, or to a participant in its list.
+
+        A Discovery Server may tell of the endpoints before it tells of the participant.
+        """
+        prefix = guid[:PREFIX_BYTES]
+        if prefix in (sender.prefix, self.prefix):
+            return prefix == sender.prefix
+        far = self.far.find(prefix)
+        return sender.data.is_server if far is None else sender.prefix in far.relays
 
     def _match(self, local: Local, endpoint: EndpointData) -> None:
         far = self.far.find(endpoint.guid[:PREFIX_BYTES])
@@ -516,16 +585,10 @@ class Participant:
                 continue
             self._touched[entity] = None
             if isinstance(end, Writer):
-                end.remove_reader(far.prefix + _reader_of(entity))
+                end.remove_reader(far.prefix + _READERS[entity])
             else:
-                end.remove_writer(far.prefix + _writer_of(entity))
+                end.remove_writer(far.prefix + _WRITERS[entity])
         self.far.remove(far)
+        for listed in self.far:
+            self.far.unlist(listed, far.prefix, self._now_ns)
         self._events.participant_removed(far.prefix)
-
-
-def _reader_of(writer: bytes) -> bytes:
-    return PUBLICATIONS_READER if writer == PUBLICATIONS_WRITER else SUBSCRIPTIONS_READER
-
-
-def _writer_of(reader: bytes) -> bytes:
-    return PUBLICATIONS_WRITER if reader == PUBLICATIONS_READER else SUBSCRIPTIONS_WRITER

@@ -28,6 +28,8 @@ class Reach(NamedTuple):
     discovery: DiscoveryRange = "SUBNET"
     """`LOCALHOST`: no multicast, so only `peers` and this machine are called. `OFF`: it calls no
     other participant, and ignores all that call it. `SYSTEM_DEFAULT` is the same as `SUBNET`."""
+    servers: tuple[Address, ...] = ()
+    """Discovery Servers of Fast DDS. With any, only they are called, and they tell of all others."""
 
     @property
     def is_off(self) -> bool:
@@ -40,13 +42,16 @@ class Reach(NamedTuple):
 
     @property
     def has_multicast(self) -> bool:
-        return self.discovery in ("SUBNET", "SYSTEM_DEFAULT") and not self.is_local
+        in_range = self.discovery in ("SUBNET", "SYSTEM_DEFAULT")
+        return in_range and not self.is_local and not self.servers
 
     def called(self, domain: int) -> tuple[Address, ...]:
         """The addresses at which the participant announces itself. Each is called at its ports for
         participants of the domain, except the multicast group."""
         if self.is_off:
             return ()
+        if self.servers:
+            return self.servers
         machines = dict.fromkeys(self.peers if self.has_multicast else (self.host, *self.peers))
         group = [(GROUP, multicast_port(domain))] if self.has_multicast else []
         ports = [discovery_port(domain, index) for index in range(_CALLED)]

@@ -5,6 +5,7 @@ addresses, datagrams, clocks: times come from the caller, submessages go to `sen
 """
 
 from collections.abc import Callable
+from itertools import count
 from typing import Final, NamedTuple
 
 from bus_bridge.rtps.fragments import Partial
@@ -22,7 +23,8 @@ from bus_bridge.rtps.messages import (
 )
 from bus_bridge.rtps.parameters import Order, Parameters
 from bus_bridge.rtps.room import Room
-from bus_bridge.rtps.writer import Send, is_newer
+from bus_bridge.rtps.serials import Serial, Serials
+from bus_bridge.rtps.writer import Send
 
 __all__ = ["Arrived", "Reader"]
 
@@ -65,10 +67,10 @@ class _Far:
         """Numbers above a missing one; None: no sample has this number."""
         self.partial: dict[int, Partial] = {}
         self.state = ReaderState.JOINING
-        self.serial = -1
-        """Of its last heartbeat."""
-        self.serials = 0
-        """Of ours to it."""
+        self.serials = Serials()
+        """Of its heartbeats."""
+        self.requests = 0
+        """ACKNACKs to it."""
         self.pause_ns = _FIRST_PAUSE_NS
         self.due_ns = now_ns
         self.asked_ns = now_ns - _FIRST_PAUSE_NS
@@ -93,7 +95,8 @@ class _Far:
 class Reader:
     """One reader of our participant. `deliver` gets samples in the order of each writer.
 
-    `sample_bytes`: longer samples are passed over, and counted.
+    `sample_bytes`: longer samples are passed over, and counted. `on_anew` is called with the GUID of a writer
+    that counts anew, as a Discovery Server that has restarted: remove it then.
     """
 
     def __init__(
@@ -103,6 +106,7 @@ class Reader:
         deliver: Callable[[Arrived], None],
         *,
         sample_bytes: int = 16 << 20,
+        on_anew: Callable[[bytes], object] | None = None,
     ) -> None:
         self.entity = entity
         self.lost = 0
@@ -115,7 +119,10 @@ class Reader:
         self._send = send
         self._deliver = deliver
         self._sample_bytes = sample_bytes
+        self._on_anew = on_anew
         self._writers: dict[bytes, _Far] = {}
+        self._serials = count(1)
+        """Of requests, to all writers: one that was thought gone, and is back, may know the last one."""
 
     @property
     def writers(self) -> list[bytes]:
@@ -191,9 +198,14 @@ class Reader:
     def heartbeat(self, guid: bytes, one: Heartbeat, now_ns: int) -> None:
         """Handle a heartbeat of that writer: some numbers may be gone, others missing."""
         far = self._writers.get(guid)
-        if far is None or not far.reliable or not is_newer(one.serial, far.serial):
+        if far is None or not far.reliable:
             return
-        far.serial = one.serial
+        match far.serials.judge(one.serial):
+            case Serial.OLD:
+                return
+            case Serial.ANEW if self._on_anew is not None:
+                self._on_anew(guid)
+                return
         far.last = max(far.last, one.last)
         self._move_to(far, one.first - 1)
         is_missing = self._is_missing(far)
@@ -343,20 +355,20 @@ class Reader:
             partial = far.partial[number]
             is_arriving = now_ns - partial.touched_ns < _FIRST_PAUSE_NS
             if not is_arriving and (fragments := partial.missing()):
-                far.serials += 1
-                reader, writer = self.entity, far.guid[PREFIX_BYTES:]
-                self._send(far.guid, [write_nack_fragments(reader, writer, number, fragments, far.serials)])
+                reader, writer, serial = self.entity, far.guid[PREFIX_BYTES:], next(self._serials)
+                self._send(far.guid, [write_nack_fragments(reader, writer, number, fragments, serial)])
         self._acknowledge(far, missing, now_ns, is_final=False)
         far.asked_ns = now_ns
         far.due_ns = now_ns + far.pause_ns
         far.pause_ns = min(2 * far.pause_ns, _LONGEST_PAUSE_NS)
 
     def _acknowledge(self, far: _Far, missing: list[int], now_ns: int, *, is_final: bool = True) -> None:
-        far.serials += 1
+        far.requests += 1
         base, writer = far.low + 1, far.guid[PREFIX_BYTES:]
-        if far.state is ReaderState.JOINING and far.low == 0 and far.serials % 2 == 0:
+        if far.state is ReaderState.JOINING and far.low == 0 and far.requests % 2 == 0:
             base = 0  # only this makes Fast DDS send a heartbeat; others may want the standard's 1
-        acknack = write_acknack(self.entity, writer, base, missing, far.serials, is_final=is_final)
+        serial = next(self._serials)
+        acknack = write_acknack(self.entity, writer, base, missing, serial, is_final=is_final)
         self._send(far.guid, [acknack])
 
     def _make_place(self, far: _Far, number: int) -> bool:

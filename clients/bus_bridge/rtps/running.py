@@ -9,7 +9,9 @@ from typing import Final
 from bus_bridge.rtps.announcements import RELIABLE, EndpointData, Policies
 from bus_bridge.rtps.far import USUAL_BOUNDS, Bounds
 from bus_bridge.rtps.ids import OUR_VENDOR, PREFIX_BYTES
-from bus_bridge.rtps.participant import Events, Local, Participant, Settings
+from bus_bridge.rtps.local import Local
+from bus_bridge.rtps.participant import Events, Participant
+from bus_bridge.rtps.presence import Settings
 from bus_bridge.rtps.reach import Reach
 from bus_bridge.rtps.reader import Arrived
 from bus_bridge.rtps.sockets import Sockets
@@ -47,7 +49,8 @@ class RunningParticipant:
             OUR_VENDOR + os.urandom(PREFIX_BYTES - len(OUR_VENDOR)),
             (self._sockets.address,),
             tuple(one for one in reach.called(domain) if one != self._sockets.address),
-            user_data,
+            is_client=bool(reach.servers),
+            user_data=user_data,
             bounds=bounds,
         )
         if not reach.is_local:

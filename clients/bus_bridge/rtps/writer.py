@@ -6,6 +6,7 @@ come from the caller, submessages go to `send`.
 
 from collections import deque
 from collections.abc import Callable, Sequence
+from itertools import count
 from typing import Final, NamedTuple
 
 from bus_bridge.rtps.ids import PREFIX_BYTES
@@ -19,8 +20,9 @@ from bus_bridge.rtps.messages import (
     write_heartbeat,
     write_time,
 )
+from bus_bridge.rtps.serials import Serial, Serials
 
-__all__ = ["USUAL", "Change", "Keeping", "Send", "Writer", "is_newer"]
+__all__ = ["USUAL", "Change", "Keeping", "Send", "Writer"]
 
 Send = Callable[[bytes, Sequence[bytes]], None]
 """Called with the GUID of a far reader or writer, and submessages for it that may share a datagram."""
@@ -35,7 +37,6 @@ _MOST_WANTED: Final = 2048
 """Samples and fragments that a reader may have asked for at one time; it asks again for others."""
 _MOST_GAPS: Final = 16
 """In answer to one request."""
-_SERIALS: Final = 1 << 31
 
 
 class Keeping(NamedTuple):
@@ -80,14 +81,15 @@ class _Far:
         self.state = WriterState.WAITING
         self.wanted: dict[tuple[int, int], None] = {}
         """Numbers with fragments (0: all of it) that it has asked for, in this order."""
-        self.serials = [-1, -1]
-        """Of its last ACKNACK and NACK_FRAG."""
+        self.serials = Serials(), Serials()
+        """Of its ACKNACKs and NACK_FRAGs."""
         self.pause_ns = _FIRST_PAUSE_NS
         self.due_ns = 0
         self.rests_until_ns = 0
         self.hushed_ns = 0
         """Until then, no request for a heartbeat is answered."""
-        self.heartbeats = 0
+        self.anew_ns = 0
+        """Not before then it gets all samples once more."""
         self.has_answered = False
 
     def on(self, event: WriterEvent) -> None:
@@ -114,6 +116,8 @@ class Writer:
         self._keeping = keeping
         self._fragment_bytes = fragment_bytes
         self._readers: dict[bytes, _Far] = {}
+        self._heartbeats = count(1)
+        """Serials, of all readers: one that was thought gone, and is back, may know the last one."""
         self._kept: dict[int, Change] = {}
         self._kept_bytes = 0
 
@@ -152,6 +156,14 @@ class Writer:
         """Up to which number the reader has everything; 0 if it is not matched."""
         far = self._readers.get(guid)
         return 0 if far is None else far.acknowledged
+
+    def ask(self, guid: bytes, now_ns: int) -> bool:
+        """Ask that reader for an acknowledgment; returns whether it is one that gives any."""
+        far = self._readers.get(guid)
+        if far is None or not far.reliable:
+            return False
+        self._beat(far, now_ns)
+        return True
 
     def add_reader(self, guid: bytes, now_ns: int, *, reliable: bool = True) -> None:
         """Match a far reader. With samples for late joiners, it gets them now."""
@@ -210,10 +222,9 @@ class Writer:
     def acknowledge(self, guid: bytes, acknack: AckNack, now_ns: int) -> None:
         """Handle an ACKNACK of that reader."""
         far = self._readers.get(guid)
-        if far is None or not far.reliable or not is_newer(acknack.serial, far.serials[0]):
+        if far is None or not far.reliable or far.serials[0].judge(acknack.serial) is Serial.OLD:
             return
         far.has_answered = True
-        far.serials[0] = acknack.serial
         upto = min(acknack.base - 1, self.last)
         if upto > far.acknowledged:
             far.acknowledged = upto
@@ -221,6 +232,8 @@ class Writer:
             while far.unacknowledged and far.unacknowledged[0] <= upto:
                 self._settle(far.unacknowledged.popleft(), guid)
             far.wanted = {key: None for key in far.wanted if key[0] > upto}
+        elif max(upto, 0) < far.acknowledged and self._keeping.for_late_joiners and now_ns >= far.anew_ns:
+            self._begin_anew(far, max(upto, 0), now_ns)
         for number in acknack.missing:
             change = self._kept.get(number)
             if change is not None and guid in change.waits_for:
@@ -235,9 +248,8 @@ class Writer:
     def request_fragments(self, guid: bytes, nack: NackFragments, now_ns: int) -> None:
         """Handle a NACK_FRAG of that reader."""
         far = self._readers.get(guid)
-        if far is None or not far.reliable or not is_newer(nack.serial, far.serials[1]):
+        if far is None or not far.reliable or far.serials[1].judge(nack.serial) is Serial.OLD:
             return
-        far.serials[1] = nack.serial
         change = self._kept.get(nack.number)
         if change is None or change.payload is None or guid not in change.waits_for:
             return
@@ -256,6 +268,17 @@ class Writer:
                 self._serve(far, now_ns)
             else:
                 self._beat(far, now_ns)
+
+    def _begin_anew(self, far: _Far, upto: int, now_ns: int) -> None:
+        """A reader has thought this writer gone, and has lost what it had: it may ask for all of it again."""
+        far.anew_ns = now_ns + _LONGEST_PAUSE_NS
+        far.acknowledged = upto
+        for change in self._kept.values():
+            if change.stays and change.number > upto:
+                change.waits_for.add(far.guid)
+        far.unacknowledged = deque(number for number, one in self._kept.items() if far.guid in one.waits_for)
+        if far.unacknowledged:
+            far.on(WriterEvent.WRITE)
 
     def _want(self, far: _Far, number: int, fragment: int) -> None:
         if len(far.wanted) < _MOST_WANTED:
@@ -339,11 +362,9 @@ class Writer:
 
     def _beat(self, far: _Far, now_ns: int) -> None:
         """Send a heartbeat that asks for an answer; the next one comes later."""
-        far.heartbeats += 1
-        reader = far.guid[PREFIX_BYTES:]
+        reader, serial = far.guid[PREFIX_BYTES:], next(self._heartbeats)
         self._send(
-            far.guid,
-            [write_heartbeat(reader, self.entity, far.first, self.last, far.heartbeats, is_final=False)],
+            far.guid, [write_heartbeat(reader, self.entity, far.first, self.last, serial, is_final=False)]
         )
         if far.state is not WriterState.REPAIRING:
             far.due_ns = now_ns + far.pause_ns
@@ -390,8 +411,3 @@ class Writer:
             change.waits_for.discard(guid)
             if not change.waits_for and not change.stays:
                 self._drop(change)
-
-
-def is_newer(serial: int, last: int) -> bool:
-    """Whether an ACKNACK, NACK_FRAG or HEARTBEAT is newer than the last one; serials may wrap around."""
-    return last < 0 or 0 < (serial - last) % (2 * _SERIALS) < _SERIALS

@@ -35,6 +35,12 @@ def add_arguments(parser: ArgumentParser) -> None:
         help="a machine that multicast does not reach; may be given several times",
     )
     group.add_argument(
+        "--discovery-server",
+        action="append",
+        metavar="ADDRESS",
+        help="a Discovery Server of Fast DDS, as in 10.0.0.2:11811 (also: $ROS_DISCOVERY_SERVER)",
+    )
+    group.add_argument(
         "--distro",
         choices=("auto", "humble"),
         help="format of ROS 2's graph messages: Humble's, or detected (default: auto)",
@@ -73,6 +79,7 @@ def main(args: Namespace) -> int:
         "domain_id": args.domain_id,
         "interface": args.interface,
         "peers": args.peer,
+        "discovery_servers": args.discovery_server,
         "distro": args.distro,
         "carrier": args.carrier,
         "rmw": args.rmw,

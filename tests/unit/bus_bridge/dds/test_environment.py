@@ -9,6 +9,7 @@ from rows import for_each
 
 LOCAL, ETH = DdsOptions(0), DdsOptions(0, "eth0", ("10.0.0.7",))
 _RANGE, _PEERS = "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_STATIC_PEERS"
+_SERVERS = "ROS_DISCOVERY_SERVER"
 
 
 @for_each(
@@ -23,6 +24,7 @@ _RANGE, _PEERS = "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_STATIC_PEERS"
             {_RANGE: "SYSTEM_DEFAULT", _PEERS: "10.0.0.2;robot.local;"},
             Told("SYSTEM_DEFAULT", ("10.0.0.2", "robot.local")),
         ),
+        ({_SERVERS: ";10.0.0.2:11811;robot.local"}, Told(servers=("10.0.0.2:11811", "robot.local"))),
     ],
 )
 def test_read(environment: dict[str, str], told: Told) -> None:
@@ -40,6 +42,11 @@ def test_read(environment: dict[str, str], told: Told) -> None:
             {_PEERS: "10.0.0.2, 10.0.0.3"},
             f"{_PEERS}: '10.0.0.2, 10.0.0.3' is not the address of a machine; addresses are separated by "
             "semicolons, as in '10.0.0.2;robot.local'",
+        ),
+        (
+            {_SERVERS: "10.0.0.2:x"},
+            f"{_SERVERS}: '10.0.0.2:x' is not the address of a Discovery Server over UDP and IPv4, as in "
+            "'10.0.0.2:11811'; addresses are separated by semicolons, as in '10.0.0.2:11811;10.0.0.3:11811'",
         ),
     ],
 )
@@ -86,5 +93,28 @@ def test_effect(
 ) -> None:
     made, said = apply(options, told)
     assert (made.discovery, made.peers) == (discovery, peers)
+    assert len(said) == len(lines) and all(part in line for part, line in zip(lines, said, strict=True)), said
+    made.check()
+
+
+@for_each(
+    ("options", "told", "servers", "lines"),
+    [
+        (LOCAL, Told(servers=("127.0.0.1",)), ("127.0.0.1",), ["by the Discovery Server 127.0.0.1"]),
+        (
+            DdsOptions(0, "eth0", ("10.0.0.7",), servers=("10.0.0.8",)),
+            Told("LOCALHOST", ("10.0.0.2",), ("10.0.0.9:1", "10.0.0.8")),
+            ("10.0.0.8", "10.0.0.9:1"),
+            ["10.0.0.8, 10.0.0.9:1", "--peer has no effect", "ROS_STATIC_PEERS has no effect"],
+        ),
+        (ETH, Told("OFF", servers=("10.0.0.9",)), ("10.0.0.9",), ["finds no node of ROS 2"]),
+    ],
+)
+def test_discovery_servers(
+    options: DdsOptions, told: Told, servers: tuple[str, ...], lines: list[str]
+) -> None:
+    made, said = apply(options, told)
+    assert made.servers == servers
+    assert made.peers == (() if told.discovery != "OFF" else options.peers)
     assert len(said) == len(lines) and all(part in line for part, line in zip(lines, said, strict=True)), said
     made.check()

@@ -1,6 +1,6 @@
 import pytest
 
-from bus_bridge.dds.options import DdsOptions
+from bus_bridge.dds.options import DdsOptions, checked_server
 from bus_bridge.errors import BridgeError
 from rows import for_each
 
@@ -14,6 +14,16 @@ from rows import for_each
         (DdsOptions(peers=("10.0.0.1",)), "10.0.0.1 can't be reached over the loopback interface"),
         (DdsOptions(interface="lo", peers=("robot",)), "--interface eth0"),
         (DdsOptions(interface="eth0", peers=("a b",)), "'a b' is not the address of a machine"),
+        (DdsOptions(servers=("10.0.0.1",)), "10.0.0.1 can't be reached over the loopback interface"),
+        (
+            DdsOptions(servers=("127.0.0.1:65536",)),
+            "'127.0.0.1:65536' is not the address of a Discovery Server",
+        ),
+        (DdsOptions(servers=("127.0.0.1:",)), "'127.0.0.1:' is not"),
+        (DdsOptions(servers=(":11811",)), "':11811' is not"),
+        (DdsOptions(servers=("TCPv4:[127.0.0.1]:42100",)), "over UDP and IPv4, as in '10.0.0.2:11811'"),
+        (DdsOptions(servers=("127.0.0.1",), carrier="cyclonedds"), "needs --carrier rtps"),
+        (DdsOptions(servers=("127.0.0.1",), distro="humble"), "the distro humble needs cyclonedds"),
         (DdsOptions(distro="dashing"), "auto or humble, not 'dashing'"),  # type: ignore[arg-type]
     ],
 )
@@ -29,6 +39,8 @@ def test_what_can_not_be(options: DdsOptions, text: str) -> None:
         DdsOptions(232, "eth0", ("10.0.0.1", "robot.local")),
         DdsOptions(0, "127.0.0.1", ("127.0.0.1", "localhost")),
         DdsOptions(interface="fd00::2", distro="humble"),
+        DdsOptions(servers=("127.0.0.1", "localhost:11888")),
+        DdsOptions(interface="eth0", servers=("robot.local:1",)),
     ],
 )
 def test_what_can_be(options: DdsOptions) -> None:
@@ -41,6 +53,12 @@ def test_what_can_be(options: DdsOptions) -> None:
 )
 def test_it_is_this_machine_alone_if_no_interface_is_named(interface: str, is_local: bool) -> None:
     assert DdsOptions(interface=interface).is_local == is_local
+
+
+def test_the_port_of_a_discovery_server() -> None:
+    assert checked_server("robot.local") == ("robot.local", 11811)
+    assert checked_server("10.0.0.2:11888") == ("10.0.0.2", 11888)
+    assert DdsOptions(servers=("127.0.0.1",)).carrier_used == "rtps"
 
 
 def test_the_domain_is_that_of_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:

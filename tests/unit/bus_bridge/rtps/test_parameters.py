@@ -12,6 +12,7 @@ from bus_bridge.rtps.parameters import (
     read_number,
     read_octets,
     read_parameters,
+    read_properties,
     read_text,
     read_texts,
     write_address,
@@ -19,6 +20,7 @@ from bus_bridge.rtps.parameters import (
     write_number,
     write_octets,
     write_parameters,
+    write_properties,
     write_text,
 )
 from rows import for_each
@@ -101,3 +103,14 @@ def test_addresses() -> None:
 
 def test_numbers_of_both_orders() -> None:
     assert read_number(b"\1\0\0\0", "<") == read_number(b"\0\0\0\1", ">") == 1
+
+
+def test_properties() -> None:
+    pairs = [("PARTICIPANT_TYPE", "SERVER"), ("a", ""), ("odd", "four")]
+    written = write_properties(pairs)
+    assert read_properties(written, "<") == dict(pairs)
+    assert read_properties(written + bytes(4), "<") == dict(pairs)  # binary ones may follow
+    assert read_properties(write_properties([]), "<") == {}
+    for wrong in (write_number(33) + bytes(400), written[:-8], write_number(1)):
+        with pytest.raises(RtpsError):
+            read_properties(wrong, "<")

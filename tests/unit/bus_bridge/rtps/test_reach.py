@@ -36,3 +36,11 @@ def test_called_machines(
             assert ports == [multicast_port(_DOMAIN)]
         else:
             assert ports == [discovery_port(_DOMAIN, index) for index in range(32)]
+
+
+def test_with_discovery_servers_only_they_are_called() -> None:
+    servers = ((PEER, 11811), (PEER, 11888))
+    for discovery in ("SUBNET", "LOCALHOST", "SYSTEM_DEFAULT"):
+        reach = Reach(ETH, (PEER,), discovery, servers)
+        assert reach.called(_DOMAIN) == servers and not reach.has_multicast
+    assert Reach(ETH, (), "OFF", servers).called(_DOMAIN) == ()

@@ -4,8 +4,7 @@ from collections.abc import Sequence
 
 from bus_bridge.rtps import messages as m
 from bus_bridge.rtps.ids import reader_id, writer_id
-from bus_bridge.rtps.writer import USUAL, Keeping, Writer, is_newer
-from rows import for_each
+from bus_bridge.rtps.writer import USUAL, Keeping, Writer
 
 MS = 1_000_000
 ENTITY = writer_id(1)
@@ -145,12 +144,49 @@ def test_old_and_repeated_requests_are_ignored() -> None:
     assert world.taken() == []
 
 
-@for_each(
-    "serial, last, newer",
-    [(1, -1, True), (0, -1, True), (2, 1, True), (1, 1, False), (0, 1, False), (0, 2**32 - 1, True)],
-)
-def test_serials_wrap_around(serial: int, last: int, newer: bool) -> None:
-    assert is_newer(serial, last) is newer
+def test_a_late_joiner_that_begins_anew_gets_all_again() -> None:
+    """It has thought the writer gone, so it counts from 1 again. Two such requests are no accident."""
+    world = World(Keeping(for_late_joiners=True))
+    world.add()
+    for number in range(1, 4):
+        world.write()
+        world.acknowledge(number + 1, serial=10 + number)
+    world.taken()
+    world.acknowledge(0, is_final=False, serial=1)
+    assert world.taken() == []
+    world.acknowledge(1, is_final=False, serial=2)
+    assert world.taken() == ["heartbeat 1-3"]
+    assert world.writer.acknowledged(ONE) == 0
+    world.acknowledge(1, 1, 2, 3, serial=3)
+    assert world.taken()[:3] == ["data 1", "data 2", "data 3"]
+    world.acknowledge(4, serial=4)
+    assert world.writer.acknowledged(ONE) == 3
+    world.taken()
+    world.acknowledge(1, is_final=False, serial=5)  # at once again: it has to wait
+    assert world.writer.acknowledged(ONE) == 3
+    world.wait(3_000)
+    world.acknowledge(3, is_final=False, serial=6)
+    assert world.writer.acknowledged(ONE) == 2
+
+
+def test_a_volatile_writer_sends_nothing_again() -> None:
+    world = World()
+    world.add()
+    world.write()
+    world.acknowledge(2)
+    world.taken()
+    world.acknowledge(1, 1, is_final=False)
+    assert not any("data" in one for one in world.taken())
+
+
+def test_a_reader_can_be_asked_for_a_sign_of_life() -> None:
+    world = World()
+    world.add(ONE)
+    world.add(TWO, reliable=False)
+    world.acknowledge(1)
+    world.taken()
+    assert world.writer.ask(ONE, world.now_ns) and world.taken() == ["heartbeat 1-0"]
+    assert not world.writer.ask(TWO, world.now_ns) and not world.writer.ask(b"?" * 16, world.now_ns)
 
 
 def test_an_addressed_sample() -> None:

@@ -1,0 +1,24 @@
+"""Serials: new ones, old ones, and those of a peer that has started again."""
+
+from bus_bridge.rtps.serials import Serial, Serials
+from rows import for_each
+
+NEW, OLD, ANEW = Serial.NEW, Serial.OLD, Serial.ANEW
+
+
+@for_each(
+    ("serials", "judged"),
+    [
+        ([0, 1, 5], [NEW, NEW, NEW]),
+        ([1, 1, 1], [NEW, OLD, OLD]),
+        ([2**32 - 1, 0, 2**32 - 1], [NEW, NEW, OLD]),
+        ([9, 7, 10, 8], [NEW, OLD, NEW, OLD]),
+        ([9, 7, 7, 6], [NEW, OLD, OLD, OLD]),
+        ([9, 1, 2, 3, 1], [NEW, OLD, ANEW, NEW, OLD]),
+        ([9, 8, 9, 9], [NEW, OLD, OLD, OLD]),
+        ([9, 1, 9, 2], [NEW, OLD, OLD, ANEW]),
+    ],
+)
+def test_judgments(serials: list[int], judged: list[Serial]) -> None:
+    seen = Serials()
+    assert [seen.judge(one) for one in serials] == judged
