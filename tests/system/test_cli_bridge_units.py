@@ -70,10 +70,10 @@ def test_its_command_has_the_options(folder: Path, bus: Bus, tmp_path: Path) -> 
     assert code == 0
     (start,) = [
         line.removeprefix("ExecStart=")
-        for line in (folder / "busd-bridge-ros2.service").read_text().splitlines()
+        for line in (folder / "busd-bridge-ros2_5.service").read_text().splitlines()
         if line.startswith("ExecStart=")
     ]
-    text = (folder / "busd-bridge-ros2.service").read_text()
+    text = (folder / "busd-bridge-ros2_5.service").read_text()
     assert "ExecReload=/bin/kill -HUP $MAINPID\n" in text and "RestartForceExitStatus=SIGHUP\n" in text
     words = shlex.split(start)
     words = words[words.index("bridge") :]
@@ -99,6 +99,19 @@ def test_bridges_to_both_middlewares_of_ros(folder: Path, bus: Bus) -> None:
     assert "bridge ros2 --rmw zenoh" in (folder / names[0]).read_text()
     assert bus("ros2", "uninstall", "--rmw", "zenoh")[1].startswith(f"Removed {folder / names[0]}\n")
     assert [path.name for path in folder.iterdir()] == names[1:]
+
+
+def test_bridges_to_two_domains_of_ros(folder: Path, bus: Bus) -> None:
+    for options in ((), ("--domain-id", "0"), ("--domain-id", "5"), ("--domain-id", "5", "--domain", "7")):
+        assert bus("ros2", "install", *options)[0] == 0
+    names = sorted(path.name for path in folder.iterdir())
+    assert names == [
+        "busd-bridge-ros2.service",
+        "busd-bridge-ros2_5-7.service",
+        "busd-bridge-ros2_5.service",
+    ]
+    assert "bridge ros2 --domain-id 5" in (folder / names[2]).read_text()
+    assert bus("ros2", "uninstall", "--domain-id", "5")[1].startswith(f"Removed {folder / names[2]}\n")
 
 
 def test_of_another_domain(folder: Path, bus: Bus) -> None:

@@ -44,8 +44,7 @@ def change_service(args: Namespace, engine: str, words: Iterable[str]) -> int:
         raise CommandError(f"{args.service!r} is neither {' nor '.join(_VERBS)}")
     is_system = _checked(args)
     domain = domain_id(args.domain)
-    kind = "rmw-zenoh" if getattr(args, "rmw", None) == "zenoh" else engine  # a bus may have both to ROS 2
-    name = f"busd-bridge-{kind}{f'-{domain}' if domain else ''}.service"
+    name = f"busd-bridge-{_kind(args, engine)}{f'-{domain}' if domain else ''}.service"
     path = unit_folder(is_system=is_system) / name
     command = systemctl(is_system=is_system)
     if args.service == "uninstall":
@@ -66,6 +65,13 @@ def change_service(args: Namespace, engine: str, words: Iterable[str]) -> int:
         what_next.insert(0, " ".join(["bus daemon install", *_scope(args), *_domain(domain)]))
     _report(args, [path], "Wrote", what_next)
     return 0
+
+
+def _kind(args: Namespace, engine: str) -> str:
+    """A bus may have bridges to several middlewares and domains of ROS 2, each with a unit of its own."""
+    kind = "rmw-zenoh" if getattr(args, "rmw", None) == "zenoh" else engine
+    far_domain = getattr(args, "domain_id", None)
+    return f"{kind}_{far_domain}" if far_domain else kind
 
 
 def _busd(domain: int) -> str:
