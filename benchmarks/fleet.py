@@ -10,7 +10,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from statistics import mean
 from time import monotonic, sleep
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, get_args
 
 from benchmarks import paced
 from benchmarks.adapters.bridging import Crowd
@@ -20,9 +20,10 @@ from benchmarks.harness import Child, Failure, Group
 from benchmarks.machine import look_at_machine
 from bus_cli.query import Query
 
-Shape = Literal["mesh", "star"]
+Shape = Literal["mesh", "star", "router", "groups"]
 """Mesh: each bridge connects to all others. Star: all connect to the bridge of one bus, which forwards
-(`transit`)."""
+(`transit`). Router: all use a router of zenoh. Groups: they do, but all see only the first one, which sees
+all."""
 _TRANSIT = '[[bridge.zenoh.topics]]\npattern = "/**"\ntransit = true\n'
 _PREFIX = "/fleet"
 _LIMIT_S, _LOOK_S = 240.0, 0.1
@@ -50,6 +51,10 @@ class Fleet:
 
     def __init__(self, group: Group, shape: Shape, buses: int) -> None:
         self.group = group
+        self._seen = {
+            number: buses if number == 0 or shape != "groups" else min(buses, 2) for number in range(buses)
+        }
+        """The number of buses whose topics each bus shows, with its own."""
         self.names = [f"bus_{number}" for number in range(buses)]
         self.bridges = [*self._join(shape)]
 
@@ -57,30 +62,39 @@ class Fleet:
         endpoints = [f"tcp/127.0.0.1:{free_port()}" for _ in self.names]
         config = self.group.folder / "bridge.toml"
         config.write_text(_TRANSIT)
+        is_routed = shape in ("router", "groups")
+        if is_routed:
+            command = (sys.executable, "-m", "benchmarks.adapters.zenoh_router", endpoints[0])
+            self.group.start("router", *command)
         for number, name in enumerate(self.names):
             words = ["--id", name]
+            if is_routed:
+                words += ["--router", endpoints[0]]
+            if shape == "groups":
+                words += ["--group", "robots", "--see", "operators"] if number else ["--group", "operators"]
             if number == 0 and shape == "star":
                 words += ["--config", str(config)]
-            if number == 0 or shape == "mesh":
+            if not is_routed and (number == 0 or shape == "mesh"):
                 words += ["--listen", endpoints[number]]
-            for endpoint in endpoints[:number] if shape == "mesh" else endpoints[: min(number, 1)]:
+            reached = endpoints[:number] if shape == "mesh" else endpoints[: min(number, 1)]
+            for endpoint in () if is_routed else reached:
                 words += ["--connect", endpoint]
             self.group.start_busd(name=name)  # it ends soon without a client
             yield start_bridge(self.group, "zenoh", *words, name=f"bridge_{number}", bus=name)
 
     def wait_until_all_have(self, topics: int) -> None:
-        """Wait until every bus shows `topics` topics of each other bus. Raises Failure."""
-        wanted, end = topics * len(self.names), monotonic() + _LIMIT_S
-        waiting = set(self.names)
+        """Wait until every bus shows `topics` topics of each bus that it sees. Raises Failure."""
+        end = monotonic() + _LIMIT_S
+        waiting = {name: topics * self._seen[number] for number, name in enumerate(self.names)}
         while waiting:
             if monotonic() > end:
-                raise Failure(f"after {_LIMIT_S:g} s {len(waiting)} buses don't show all {wanted} topics yet")
+                raise Failure(f"after {_LIMIT_S:g} s {len(waiting)} buses don't show all topics yet")
             sleep(_LOOK_S)
-            for name in sorted(waiting):  # stop at the first unready bus: queries cost time
+            for name, wanted in sorted(waiting.items()):  # stop at the first unready bus: queries cost time
                 with Query(self.group.folder / f"{name}.sock", may_start=False) as query:
                     if count_endpoints(query, _PREFIX) < wanted:
                         break
-                waiting.discard(name)
+                del waiting[name]
 
 
 def measure(shape: Shape, buses: int, topics: int) -> Found:
@@ -125,9 +139,11 @@ def table(found: Sequence[Found]) -> str:
         "|---|---:|---:|---:|---:|---:|---:|---:|",
     ]
     for one in found:
-        mirrors = (one.buses - 1) * one.topics
+        mirrors = f"{(one.buses - 1) * one.topics:,}"
+        if one.shape == "groups":
+            mirrors = f"{one.topics:,} (the first: {mirrors})"
         lines.append(
-            f"| {one.shape} | {one.buses} | {one.topics} | {mirrors:,} | {one.there_s:.1f} | {one.cpu_s:.2f} "
+            f"| {one.shape} | {one.buses} | {one.topics} | {mirrors} | {one.there_s:.1f} | {one.cpu_s:.2f} "
             f"| {one.mib:.0f} ({one.most_mib:.0f}) | {one.idle_percent:.1f} |"
         )
     return "\n".join(lines)
@@ -136,7 +152,7 @@ def table(found: Sequence[Found]) -> str:
 def main() -> int:
     """Measure; returns 0, or 1 if a measurement failed."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.fleet", description=__doc__)
-    parser.add_argument("--shape", choices=("mesh", "star"), action="append", help="(default: both)")
+    parser.add_argument("--shape", choices=get_args(Shape), action="append", help="(default: all)")
     parser.add_argument("--buses", type=int, metavar="N", help="one fleet of so many (default: several)")
     parser.add_argument("--topics", type=int, default=50, metavar="N", help="of each of --buses")
     parser.add_argument("--quick", action="store_true", help="no fleet of 20")
@@ -151,7 +167,7 @@ def main() -> int:
     )
     print(look_at_machine().describe(), flush=True)
     found, code = [], 0
-    for shape in options.shape or ("mesh", "star"):
+    for shape in options.shape or get_args(Shape):
         for buses, topics in sizes:
             try:
                 found.append(measure(shape, buses, topics))

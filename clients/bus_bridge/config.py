@@ -16,6 +16,7 @@ from bus_bridge.core.qos_rule import QosRule
 from bus_bridge.core.rules import TopicRule
 from bus_bridge.dds.options import checked_interface, checked_peer, checked_server
 from bus_bridge.options import BridgeTable, Ros2Table, TlsTable, ZenohTable
+from bus_bridge.zenoh.groups import checked_group
 from bus_bridge.zenoh.options import parse_address
 
 __all__ = ["TABLES", "check_values", "load", "merged"]
@@ -34,6 +35,8 @@ _CHECKS: Mapping[str, Callable[[str], object]] = {
     "listen": parse_address,
     "connect": parse_address,
     "router": parse_address,
+    "group": checked_group,
+    "see": checked_group,
 }
 """Check functions for texts, by key. They apply to each table that has the key."""
 

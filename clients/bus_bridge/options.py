@@ -51,6 +51,10 @@ class ZenohTable(BridgeTable, frozen=True, kw_only=True):
     """Whether addresses reachable from other machines may work without certificates."""
     compression: bool | None = None
     """Whether links compress, if the other side has this set, too."""
+    group: str | None = None
+    """The group of this bus in a fleet."""
+    see: tuple[str, ...] = ()
+    """The groups whose buses this one sees; empty: all buses."""
     tls: TlsTable = TlsTable()
 
 

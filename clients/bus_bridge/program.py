@@ -92,15 +92,20 @@ def _plan_engine(table: BridgeTable) -> tuple[_MakeEngine, list[str]]:
 
 
 def _plan_zenoh(table: ZenohTable) -> tuple[_MakeEngine, list[str]]:
+    from msgspec import structs
+
     from bus_bridge.zenoh.engine import ZenohEngine
+    from bus_bridge.zenoh.groups import Groups
     from bus_bridge.zenoh.options import check
 
-    compression = bool(table.compression)
-    options = _links(table.listen, table.connect, table, table.router, compression=compression)
+    links = _links(table.listen, table.connect, table, table.router)
+    groups = Groups(table.group or "", table.see)
+    options = structs.replace(links, compression=bool(table.compression), groups=groups)
     check(options)
     places = [f"listening on {place}" for place in table.listen]
     places += [f"connecting to {place}" for place in table.connect]
     places += [f"connecting to the router at {place}" for place in table.router]
+    places += [str(groups)] if groups != Groups() else []
     return lambda bus: ZenohEngine(bus, options, owns_process=True), places
 
 
@@ -109,8 +114,6 @@ def _links(
     connect: tuple[str, ...],
     table: ZenohTable | Ros2Table,
     router: tuple[str, ...] = (),
-    *,
-    compression: bool = False,
 ) -> "ZenohOptions":
     from bus_bridge.zenoh.options import ZenohOptions
 
@@ -122,7 +125,6 @@ def _links(
         certificate=table.tls.certificate or "",
         key=table.tls.key or "",
         insecure=bool(table.insecure),
-        compression=compression,
     )
 
 

@@ -4,7 +4,7 @@ import json
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import AsyncExitStack, ExitStack, contextmanager
 from pathlib import Path
 
 import pytest
@@ -38,9 +38,9 @@ def world(tmp_path: Path, forks: Forks, monkeypatch: pytest.MonkeyPatch) -> Iter
 class Router:
     """zenohd of the package zenoh, on the machine `base`, with an address for each side."""
 
-    def __init__(self, world: World, protocol: str = "tcp") -> None:
+    def __init__(self, world: World, protocol: str = "tcp", sides: tuple[str, ...] = SIDES) -> None:
         self._machine = world["base"].machine
-        self.addresses = {name: world.lay("base", name).replace("tcp/", f"{protocol}/") for name in SIDES}
+        self.addresses = {name: world.lay("base", name).replace("tcp/", f"{protocol}/") for name in sides}
         self.settings: dict[str, object] = {
             "mode": "router",
             "scouting/multicast/enabled": False,
@@ -177,3 +177,53 @@ async def test_with_certificates_of_both_sides(world: World, tmp_path: Path) -> 
     with router.running():
         join(world, router, *files)
         await say_and_hear(world)
+
+
+@on_one_loop
+async def test_groups_of_a_fleet(tmp_path: Path, forks: Forks, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Robots see their operators, not each other. A bus in no group is not seen by buses that choose."""
+    monkeypatch.setenv("BUSD_AUTOSTART", "0")
+    chosen = ("--group", "robots", "--see", "operators")
+    groups: dict[str, tuple[str, ...]] = {
+        "robot": chosen,
+        "second": chosen,
+        "operator": ("--group", "operators"),
+        "guest": (),
+    }
+    with World(tmp_path, forks, "base", *groups) as world, ExitStack() as stack:
+        router = Router(world, sides=tuple(groups))
+        stack.enter_context(router.running())
+        bridges = {
+            name: world[name].bridge(
+                "zenoh", "--id", name, "--router", router.addresses[name], "--insecure", *options
+            )
+            for name, options in groups.items()
+        }
+        async with AsyncExitStack() as nodes:
+            made = {name: await nodes.enter_async_context(world[name].node(f"of_{name}")) for name in groups}
+            there = await nodes.enter_async_context(Stream.open("/there", made["robot"], made["operator"]))
+            back = await nodes.enter_async_context(Stream.open("/back", made["operator"], made["robot"]))
+            for stream in (there, back):
+                await until(lambda stream=stream: len(stream.heard) > 20, stream.topic)
+            for name, seen in {
+                "operator": {"/of_robot", "/of_second", "/of_guest"},
+                "robot": {"/of_operator"},
+                "second": {"/of_operator"},
+                "guest": {"/of_operator"},
+            }.items():
+                await world[name].shows(
+                    lambda graph, seen=seen: seen <= {node.full_name for node in graph.nodes}
+                )
+                others = {f"/of_{other}" for other in groups} - seen - {f"/of_{name}"}
+                assert not others & world[name].names(), name
+            refused = {link["bus"]: link["text"] for link in bridges["guest"].status()["links"]}
+            for robot in ("robot", "second"):
+                assert refused[robot] == "it does not see the group of this bus (--see there, --group here)"
+            assert {link["bus"] for link in bridges["robot"].status()["links"]} == {"", "operator"}
+        said = bridges["robot"].log.read_text()
+        assert "in the group 'robots', sees operators" in said
+
+
+def test_a_wrong_name_of_a_group(world: World) -> None:
+    found = world["robot"].bus("bridge", "zenoh", "--group", "my robots")
+    assert found.code == 1 and "--group: the name of a group has letters" in found.err

@@ -10,6 +10,7 @@ from bus_bridge.batch import Batch
 from bus_bridge.engine import FarEndpoint, FarSide, LinkStatus, LocalEndpoint, LocalNode, RouteRule
 from bus_bridge.errors import BridgeError, in_words
 from bus_bridge.zenoh import keys, records
+from bus_bridge.zenoh.groups import write_run
 from bus_bridge.zenoh.links import Links
 from bus_bridge.zenoh.options import ZenohOptions, check
 from bus_bridge.zenoh.own_log import OwnLog
@@ -44,7 +45,8 @@ class ZenohEngine:
         self._options = options
         self._warnings = check(options)
         # Later runs sort after earlier ones; the random part separates two runs of the same moment.
-        self._own = Interest(bus, f"{time.time_ns():016x}{secrets.token_hex(4)}")
+        run = f"{time.time_ns():016x}{secrets.token_hex(4)}"
+        self._own = Interest(bus, write_run(options.groups, run))
         self._session: Session | None = None
         self._far: FarSide | None = None
         self._presence: Presence | None = None
@@ -77,10 +79,9 @@ class ZenohEngine:
         self._links = Links(self._options, session, far.warn)
         tokens = session.source(self._see_token, 5 * MAX_TOKENS, self._lose_token, keeps_oldest=True)
         self._own_token = session.token(keys.bus_token(self._own.bus, self._own.run, session.zenoh_id))
-        self._declared = [
-            session.watch_tokens(keys.ALL_TOKENS, tokens),
-            session.watch_tokens(keys.ALL_BUSES, tokens),
-        ]
+        seen = [keys.tokens_of(group) for group in self._options.groups.seen]
+        watched = seen or [keys.ALL_TOKENS, keys.ALL_BUSES]
+        self._declared = [session.watch_tokens(expression, tokens) for expression in watched]
         for expression, take in (
             (keys.type_keys(self._own.bus), self._answer_type),
             (keys.kept_keys(self._own.bus), self._answer_kept),

@@ -1,7 +1,8 @@
 """Key expressions: the names by which two bridges find each other, publishers and messages. Pure.
 
 Tokens are liveliness tokens, which last as long as the session that declared them. `<run>` names a bridge
-from its start to its end. It alone distinguishes a restarted bridge from its predecessor.
+from its start to its end, and its groups (`groups.py`). It alone distinguishes a restarted bridge from its
+predecessor.
 
     @busd/3/<bus>/B/<run>/<zenoh id>                                     a bus
     @busd/3/<bus>/N/<run>/<node>/<name>/<namespace>/<via>                a node
@@ -50,6 +51,7 @@ __all__ = [
     "parse_type",
     "token_bus",
     "token_run",
+    "tokens_of",
     "type_key",
     "type_keys",
 ]
@@ -111,6 +113,11 @@ Token = BusToken | NodeToken | EndpointToken | InterestToken | OtherVersion | Br
 
 
 # --- tokens
+
+
+def tokens_of(group: str) -> str:
+    """The key expression of all tokens of the buses in a group."""
+    return f"{_TOKENS}/*/*/{_part(group)}~$*/**"
 
 
 def bus_token(bus: str, run: str, zenoh_id: str) -> str:

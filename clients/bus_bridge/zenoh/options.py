@@ -7,6 +7,7 @@ from pathlib import Path
 import msgspec
 
 from bus_bridge.errors import BridgeError
+from bus_bridge.zenoh.groups import MOST_SEEN, Groups
 
 __all__ = ["Address", "ZenohOptions", "check", "parse_address"]
 
@@ -33,6 +34,8 @@ class ZenohOptions(msgspec.Struct, frozen=True, kw_only=True):
     """Addresses other than loopback may work without certificates."""
     compression: bool = False
     """zenoh compresses what it sends on a link (LZ4), if the other side has this set, too."""
+    groups: Groups = Groups()
+    """The group of this bus, and those that it sees."""
 
 
 class Address(msgspec.Struct, frozen=True):
@@ -81,6 +84,8 @@ def check(options: ZenohOptions) -> list[str]:
             f"--router and {other} can't be given together: a bridge uses either a router, or direct links "
             "to other bridges"
         )
+    if len(options.groups.seen) > MOST_SEEN:
+        raise BridgeError(f"--see has {len(options.groups.seen)} groups; at most {MOST_SEEN} are allowed")
     addresses = [(parse_address(text), "--listen") for text in options.listen]
     addresses += [(parse_address(text), "--connect") for text in options.connect]
     addresses += [(parse_address(text), "--router") for text in options.router]

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import NamedTuple
 
 from bus_bridge.engine import FarBus, FarEndpoint, FarNode, FarSide
+from bus_bridge.zenoh.groups import own_part, read_run
 from bus_bridge.zenoh.keys import (
     VERSION,
     Broken,
@@ -47,6 +48,8 @@ class _Run:
 
     def __init__(self, bus: str, run: str) -> None:
         self.bus, self.run = bus, run
+        self.began = own_part(run)
+        """Later runs of a bus sort after earlier ones."""
         self.token: BusToken | None = None
         self.nodes: dict[str, FarNode] = {}
         self.endpoints: dict[str, FarEndpoint] = {}
@@ -69,6 +72,7 @@ class Presence:
 
     def __init__(self, own: str, run: str, far: FarSide, on_interest: Callable[[bytes], None]) -> None:
         self._own, self._run = own, run
+        self._groups = read_run(run)
         self._far = far
         self._on_interest = on_interest
         self._runs: dict[tuple[str, str], _Run] = {}
@@ -114,7 +118,10 @@ class Presence:
         match token:
             case BusToken():
                 run.token = token
-                self._add_run(run)
+                if read_run(token.run).sees(self._groups):
+                    self._add_run(run)
+                else:
+                    self._refuse(run, "it does not see the group of this bus (--see there, --group here)")
             case NodeToken(_, _, node):
                 is_new = node.key not in run.nodes
                 run.nodes[node.key] = node
@@ -189,7 +196,7 @@ class Presence:
             if bus == self._own:
                 # It has a link, so it is not the remains of our own bridge.
                 is_linked = linked is not None and self._doubles[name] in linked
-                if name > self._run or is_linked or looks > _PATIENCE:
+                if own_part(name) > own_part(self._run) or is_linked or looks > _PATIENCE:
                     self._far.warn(
                         f"another bus has the id '{bus}' too, so neither sees the other: give one of them "
                         "another id with --id"
@@ -215,7 +222,7 @@ class Presence:
         reason = ""
         if host is None:
             reason = "no link leads to it any more"
-        elif host and rival.run > run.run and linked.get(rival.token.zenoh_id) == host:
+        elif host and rival.began > run.began and linked.get(rival.token.zenoh_id) == host:
             reason = "its bridge has restarted"
         if reason:
             run.token = None
@@ -290,7 +297,7 @@ class Presence:
         self._far.bus_removed(run.bus, reason)
         others = [one for one in self._runs.values() if one.bus == run.bus and one.token and not one.refusal]
         if others:
-            self._add_run(max(others, key=lambda one: one.run))
+            self._add_run(max(others, key=lambda one: one.began))
 
     def _announce_node(self, run: _Run, node: FarNode) -> None:
         self._far.node_added(node)

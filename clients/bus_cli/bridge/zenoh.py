@@ -41,6 +41,14 @@ def add_arguments(parser: ArgumentParser) -> None:
         default=None,
         help="compress what is sent on links whose other side has this option, too; it costs CPU time",
     )
+    group = parser.add_argument_group("fleets")
+    group.add_argument("--group", metavar="NAME", help="the group of this bus")
+    group.add_argument(
+        "--see",
+        action="append",
+        metavar="GROUP",
+        help="see only buses of this group, if they see this bus, too; may be given several times",
+    )
     add_bridge_arguments(parser, "zenoh")
 
 
@@ -52,6 +60,8 @@ def main(args: Namespace) -> int:
         "router": args.router,
         "insecure": args.insecure,
         "compression": args.compression,
+        "group": args.group,
+        "see": args.see,
         "tls": tls_of(args),
     }
     return run_bridge(args, "zenoh", flags)

@@ -7,7 +7,9 @@ import pytest
 from bus.qos import QoSProfile
 from bus_bridge.engine import FarBus, FarEndpoint, FarNode, LocalEndpoint, LocalNode
 from bus_bridge.zenoh import keys, presence
+from bus_bridge.zenoh.groups import Groups, write_run
 from bus_bridge.zenoh.presence import Interest, Presence
+from rows import for_each
 
 GID = bytes(range(16))
 NODE = LocalNode(4, "talker", "/", ("robot",))
@@ -16,10 +18,10 @@ NODE = LocalNode(4, "talker", "/", ("robot",))
 class Heard:
     """A FarSide that records its calls."""
 
-    def __init__(self) -> None:
+    def __init__(self, run: str = "5") -> None:
         self.news: list[tuple[object, ...]] = []
         self.interests: list[bytes] = []
-        self.presence = Presence("laptop", "5", self, self.interests.append)
+        self.presence = Presence("laptop", run, self, self.interests.append)
 
     def bus_added(self, bus: FarBus) -> None:
         self.news.append(("bus", bus.id))
@@ -286,3 +288,33 @@ def test_another_version_is_said(heard: Heard) -> None:
         "bus 'robot' speaks version 9 of the bridges' protocol, this one version 3: "
         "use the same busd on both sides"
     )
+
+
+@for_each(
+    ("own", "theirs", "is_seen"),
+    [
+        (Groups(), Groups("robots"), True),
+        (Groups("operators"), Groups("robots", ("operators",)), True),
+        (Groups("robots"), Groups("robots", ("operators",)), False),
+        (Groups(), Groups("robots", ("operators",)), False),
+    ],
+)
+def test_a_bus_that_does_not_see_this_one_is_refused(own: Groups, theirs: Groups, is_seen: bool) -> None:
+    heard = Heard(write_run(own, "5"))
+    run = write_run(theirs, "1")
+    for key in tokens(run=run).values():
+        heard.presence.came(key)
+    assert bool(heard.take()) is is_seen
+    ((_, _, refusal),) = heard.presence.buses()
+    assert ("does not see the group" in refusal) is not is_seen
+
+
+def test_a_bridge_that_restarts_in_another_group() -> None:
+    """The older run sorts after it, but is the remains of its predecessor."""
+    heard = Heard()
+    old, new = write_run(Groups("z"), "1"), write_run(Groups("a"), "2")
+    for run in (old, new):
+        heard.presence.came(keys.bus_token("robot", run, f"f{run[-1]}"))
+    heard.take()
+    heard.presence.poll({"f1": "10.0.0.2", "f2": "10.0.0.2"})
+    assert heard.take() == [("no bus", "robot", "its bridge has restarted"), ("bus", "robot")]
