@@ -22,8 +22,8 @@ from bus_cli.query import Query
 
 Shape = Literal["mesh", "star", "router", "groups"]
 """Mesh: each bridge connects to all others. Star: all connect to the bridge of one bus, which forwards
-(`transit`). Router: all use a router of zenoh. Groups: they do, but all see only the first one, which sees
-all."""
+(`transit`). Router: all use a router of zenoh. Groups: the same, with the first bus as the operator: the
+others see only it."""
 _TRANSIT = '[[bridge.zenoh.topics]]\npattern = "/**"\ntransit = true\n'
 _PREFIX = "/fleet"
 _LIMIT_S, _LOOK_S = 240.0, 0.1
@@ -51,10 +51,9 @@ class Fleet:
 
     def __init__(self, group: Group, shape: Shape, buses: int) -> None:
         self.group = group
-        self._seen = {
-            number: buses if number == 0 or shape != "groups" else min(buses, 2) for number in range(buses)
-        }
-        """The number of buses whose topics each bus shows, with its own."""
+        few = buses if shape != "groups" else min(buses, 2)
+        self._seen = [buses if number == 0 else few for number in range(buses)]
+        """For each bus, the number of buses whose topics it shows, including itself."""
         self.names = [f"bus_{number}" for number in range(buses)]
         self.bridges = [*self._join(shape)]
 
@@ -62,23 +61,23 @@ class Fleet:
         endpoints = [f"tcp/127.0.0.1:{free_port()}" for _ in self.names]
         config = self.group.folder / "bridge.toml"
         config.write_text(_TRANSIT)
-        is_routed = shape in ("router", "groups")
-        if is_routed:
+        if shape in ("router", "groups"):
             command = (sys.executable, "-m", "benchmarks.adapters.zenoh_router", endpoints[0])
             self.group.start("router", *command)
         for number, name in enumerate(self.names):
             words = ["--id", name]
-            if is_routed:
-                words += ["--router", endpoints[0]]
+            match shape:
+                case "mesh":
+                    words += ["--listen", endpoints[number]]
+                    words += [word for one in endpoints[:number] for word in ("--connect", one)]
+                case "star" if number == 0:
+                    words += ["--config", str(config), "--listen", endpoints[0]]
+                case "star":
+                    words += ["--connect", endpoints[0]]
+                case "router" | "groups":
+                    words += ["--router", endpoints[0]]
             if shape == "groups":
                 words += ["--group", "robots", "--see", "operators"] if number else ["--group", "operators"]
-            if number == 0 and shape == "star":
-                words += ["--config", str(config)]
-            if not is_routed and (number == 0 or shape == "mesh"):
-                words += ["--listen", endpoints[number]]
-            reached = endpoints[:number] if shape == "mesh" else endpoints[: min(number, 1)]
-            for endpoint in () if is_routed else reached:
-                words += ["--connect", endpoint]
             self.group.start_busd(name=name)  # it ends soon without a client
             yield start_bridge(self.group, "zenoh", *words, name=f"bridge_{number}", bus=name)
 
@@ -88,7 +87,7 @@ class Fleet:
         waiting = {name: topics * self._seen[number] for number, name in enumerate(self.names)}
         while waiting:
             if monotonic() > end:
-                raise Failure(f"after {_LIMIT_S:g} s {len(waiting)} buses don't show all topics yet")
+                raise Failure(f"after {_LIMIT_S:g} s these buses lack topics: {', '.join(waiting)}")
             sleep(_LOOK_S)
             for name, wanted in sorted(waiting.items()):  # stop at the first unready bus: queries cost time
                 with Query(self.group.folder / f"{name}.sock", may_start=False) as query:

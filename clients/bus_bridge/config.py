@@ -14,7 +14,7 @@ from bus_bridge.core.bus_id import checked_id
 from bus_bridge.core.naming import Naming
 from bus_bridge.core.qos_rule import QosRule
 from bus_bridge.core.rules import TopicRule
-from bus_bridge.dds.options import checked_interface, checked_peer, checked_server
+from bus_bridge.dds.options import checked_interface, checked_peer, parse_server
 from bus_bridge.options import BridgeTable, Ros2Table, TlsTable, ZenohTable
 from bus_bridge.zenoh.groups import checked_group
 from bus_bridge.zenoh.options import parse_address
@@ -31,7 +31,7 @@ _CHECKS: Mapping[str, Callable[[str], object]] = {
     "namespace": Naming,
     "interface": checked_interface,
     "peers": checked_peer,
-    "discovery_servers": checked_server,
+    "discovery_servers": parse_server,
     "listen": parse_address,
     "connect": parse_address,
     "router": parse_address,

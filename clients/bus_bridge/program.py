@@ -99,7 +99,7 @@ def _plan_zenoh(table: ZenohTable) -> tuple[_MakeEngine, list[str]]:
     from bus_bridge.zenoh.options import check
 
     links = _links(table.listen, table.connect, table, table.router)
-    groups = Groups(table.group or "", table.see)
+    groups = Groups(table.group or "", tuple(dict.fromkeys(table.see)))
     options = structs.replace(links, compression=bool(table.compression), groups=groups)
     check(options)
     places = [f"listening on {place}" for place in table.listen]

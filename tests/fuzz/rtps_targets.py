@@ -7,7 +7,7 @@ from bus_bridge.rtps import messages as m
 from bus_bridge.rtps.announcements import (
     EndpointData,
     ParticipantData,
-    departure,
+    inline_qos,
     read_endpoint,
     read_participant,
     write_endpoint,
@@ -26,9 +26,9 @@ from bus_bridge.rtps.ids import (
     reader_id,
     writer_id,
 )
+from bus_bridge.rtps.own_announcements import Settings
 from bus_bridge.rtps.parameters import RtpsError
 from bus_bridge.rtps.participant import Participant
-from bus_bridge.rtps.presence import Settings
 from bus_bridge.rtps.reader import Arrived
 from bus_bridge.rtps.writer import Keeping
 from fuzz.script import Script
@@ -99,8 +99,8 @@ def announcements(data: bytes) -> None:
         assert again[2:] == far[2:]
     for kind in ("reader", "writer"):
         with suppress(RtpsError):
-            endpoint = read_endpoint(data, kind, _SOURCE)
-            sent = read_endpoint(write_endpoint(endpoint), kind, _SOURCE)
+            endpoint = read_endpoint(data, kind)
+            sent = read_endpoint(write_endpoint(endpoint), kind)
             assert sent == endpoint._replace(is_default_partition=True, representations=sent.representations)
 
 
@@ -208,7 +208,7 @@ def _said(script: Script, prefix: bytes, reader: bytes, writer: bytes) -> bytes:
             missing = range(base, base + script.byte() % 9)
             said = m.write_acknack(reader_id(count % 3), writer, base, missing, count, is_final=False)
         case _:
-            gone = departure(prefix + script.choose((PARTICIPANT, theirs)))
+            gone = inline_qos(gone=prefix + script.choose((PARTICIPANT, theirs)))
             said = m.write_data(
                 UNKNOWN_ENTITY, script.choose((SPDP_WRITER, PUBLICATIONS_WRITER)), 1 + count, None, gone
             )

@@ -107,7 +107,7 @@ def test_any_bytes_as_announcements(data: bytes, head: bytes) -> None:
         read_participant(head + data, PREFIX)
     for kind in ("reader", "writer"):
         with suppress(RtpsError):
-            read_endpoint(head + data, kind, PREFIX)
+            read_endpoint(head + data, kind)
 
 
 DURATIONS = st.one_of(st.just(FOREVER_NS), st.integers(0, 10**17))
@@ -134,4 +134,4 @@ def test_endpoints(is_reader: bool, name: str, user_data: bytes, policies: Polic
     entity = reader_id(3) if is_reader else writer_id(3)
     kind: EndpointKind = "reader" if is_reader else "writer"
     data = EndpointData(kind, PREFIX + entity, name, name, policies, user_data)
-    assert read_endpoint(write_endpoint(data), kind, PREFIX) == data
+    assert read_endpoint(write_endpoint(data), kind) == data

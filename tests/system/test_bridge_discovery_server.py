@@ -30,7 +30,7 @@ def world(tmp_path: Path, forks: Forks, monkeypatch: pytest.MonkeyPatch) -> Iter
 
 
 class Place:
-    """A Discovery Server on a machine, and what knows it. `reached_at`: its address for the other machine."""
+    """A Discovery Server on the machine `on`, at the address `host`, and the nodes that use it."""
 
     def __init__(self, world: World, distro: peer.Distro, folder: Path, on: str, host: str) -> None:
         self.world, self.distro, self._folder = world, distro, folder
@@ -113,7 +113,7 @@ async def test_nodes_of_a_server(
                 await side.shows(lambda graph: "/second" in names_in(graph))
             await side.shows(lambda graph: "/second" not in names_in(graph))
         said = bridge.log.read_text()
-        assert f"nodes are found by the Discovery Server {here.address}" in said
+        assert f"nodes are found by Discovery Servers: {here.address}" in said
         assert "WARN" not in said
 
 

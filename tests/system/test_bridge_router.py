@@ -216,9 +216,13 @@ async def test_groups_of_a_fleet(tmp_path: Path, forks: Forks, monkeypatch: pyte
                 )
                 others = {f"/of_{other}" for other in groups} - seen - {f"/of_{name}"}
                 assert not others & world[name].names(), name
-            refused = {link["bus"]: link["text"] for link in bridges["guest"].status()["links"]}
-            for robot in ("robot", "second"):
-                assert refused[robot] == "it does not see the group of this bus (--see there, --group here)"
+            why = "its --see does not name the group of this bus (--group)"
+            await until(
+                lambda: (
+                    {"robot", "second"}
+                    == {link["bus"] for link in bridges["guest"].status()["links"] if link["text"] == why}
+                )
+            )
             assert {link["bus"] for link in bridges["robot"].status()["links"]} == {"", "operator"}
         said = bridges["robot"].log.read_text()
         assert "in the group 'robots', sees operators" in said

@@ -1,6 +1,7 @@
 """A publisher's first ring: it is small, and grows as soon as the publisher needs more."""
 
 import asyncio
+import os
 import subprocess
 import sys
 from collections import Counter
@@ -311,7 +312,8 @@ class TestCost:
         """
         number = 100
         command = [sys.executable, "-c", MANY_NODES, str(number)]
-        said = subprocess.run(command, capture_output=True, check=True, timeout=LIMIT_S).stdout
+        environ = {**os.environ, "PYTHONASYNCIODEBUG": ""}  # it notes the origin of each task
+        said = subprocess.run(command, capture_output=True, check=True, timeout=LIMIT_S, env=environ).stdout
         kib, descriptors = map(int, said.split())
         assert kib < 51 * number
         assert descriptors < 1.2 * number

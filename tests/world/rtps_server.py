@@ -9,13 +9,15 @@ from collections.abc import Sequence
 from bus_bridge.rtps.announcements import (
     ParticipantData,
     departed,
-    departure,
+    inline_qos,
+    read_endpoint,
     read_participant,
     write_participant,
 )
 from bus_bridge.rtps.ids import (
     FAST_DDS,
     GUID_BYTES,
+    PARTICIPANT,
     PREFIX_BYTES,
     PUBLICATIONS_READER,
     PUBLICATIONS_WRITER,
@@ -71,6 +73,8 @@ class Server:
         self._own = write_participant(own)
         self._write(SPDP_WRITER, self._own)
         self._announce_ns = network.now_ns
+        self._numbers: dict[bytes, int] = {}
+        """Of the announcements of participants and endpoints, by GUID."""
         network.machines.append(self)
 
     @property
@@ -87,7 +91,7 @@ class Server:
 
     def leave(self) -> None:
         """Tell the clients that the server goes."""
-        self._write(SPDP_WRITER, None, departure(self.prefix + bytes.fromhex("000001c1")))
+        self._write(SPDP_WRITER, None, inline_qos(gone=self.prefix + PARTICIPANT))
 
     def receive(self, datagram: bytes, source: Address, now_ns: int) -> None:
         read = read_datagram(datagram)
@@ -126,16 +130,26 @@ class Server:
             self.ignored += 1
             return
         gone = departed(arrived.payload, arrived.inline)
-        self._write(writer, arrived.payload, b"" if gone is None else departure(gone))
+        key = gone or self._key_in(writer, arrived.payload or b"")
+        if key in self._numbers:  # its history has one announcement of each
+            self._writers[writer].withdraw(self._numbers.pop(key))
+        number = self._write(writer, arrived.payload, inline_qos(gone=gone))
+        if gone is None:
+            self._numbers[key] = number
         if gone is not None and writer == SPDP_WRITER:
             del self.clients[prefix]
             for entity, reader in _PAIRS:
                 self._readers[reader].remove_writer(prefix + entity)
                 self._writers[entity].remove_reader(prefix + reader)
 
-    def _write(self, writer: bytes, payload: bytes | None, inline: bytes = b"") -> None:
+    def _key_in(self, writer: bytes, payload: bytes) -> bytes:
+        if writer == SPDP_WRITER:
+            return read_participant(payload, None).prefix + PARTICIPANT
+        return read_endpoint(payload, "writer" if writer == PUBLICATIONS_WRITER else "reader").guid
+
+    def _write(self, writer: bytes, payload: bytes | None, inline: bytes = b"") -> int:
         now_ns = self.network.now_ns
-        self._writers[writer].write(payload, now_ns, now_ns, inline=inline)
+        return self._writers[writer].write(payload, now_ns, now_ns, inline=inline)
 
     def _send(self, guid: bytes, parts: Sequence[bytes]) -> None:
         prefix = guid[:PREFIX_BYTES]

@@ -4,11 +4,12 @@ from collections.abc import Callable
 from typing import Protocol
 
 from bus_bridge.rtps.announcements import EndpointData, ParticipantData
+from bus_bridge.rtps.client import ClientParticipant
 from bus_bridge.rtps.far import USUAL_BOUNDS, Bounds
 from bus_bridge.rtps.ids import FAST_DDS, OUR_VENDOR
+from bus_bridge.rtps.own_announcements import Settings
 from bus_bridge.rtps.parameters import Address
 from bus_bridge.rtps.participant import Participant
-from bus_bridge.rtps.presence import Settings
 
 MS = 1_000_000
 S = 1000 * MS
@@ -16,7 +17,7 @@ GROUP: Address = ("239.255.0.1", 7400)
 
 
 class Acting(Protocol):
-    """One that takes datagrams, and does what is due."""
+    """A participant or a server: it receives datagrams, and acts at its time."""
 
     @property
     def due_ns(self) -> int | None: ...
@@ -25,7 +26,7 @@ class Acting(Protocol):
 
 
 class Member(Protocol):
-    """One of a network."""
+    """A machine on a Network."""
 
     @property
     def address(self) -> Address: ...
@@ -65,7 +66,8 @@ class Machine:
             fragment_bytes=500,
             bounds=bounds,
         )
-        self.participant = Participant(settings, self.transmit, self, lambda one: wanted(one.topic))
+        make = ClientParticipant if is_client else Participant
+        self.participant: Participant = make(settings, self.transmit, self, lambda one: wanted(one.topic))
         self.is_cut = False
 
     def transmit(self, address: Address, datagram: bytes) -> None:

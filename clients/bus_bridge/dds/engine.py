@@ -20,7 +20,7 @@ from bus_bridge.dds.graph import DomainGraph, NodeEntities
 from bus_bridge.dds.idl import idl_type
 from bus_bridge.dds.interfaces import LOOPBACK, address_of, check_interface
 from bus_bridge.dds.names import ENCLAVE, MARK, user_data
-from bus_bridge.dds.options import DdsOptions, checked_server
+from bus_bridge.dds.options import DdsOptions, parse_server
 from bus_bridge.dds.qos import ReaderKind, kinds_for, of_publisher, of_subscription
 from bus_bridge.dds.services import Services
 from bus_bridge.engine import (
@@ -269,7 +269,7 @@ class DdsEngine:
         options = self._options
         peers = [found for peer in options.peers if (found := await self._resolved(peer)) is not None]
         servers = []
-        for host, port in map(checked_server, options.servers):
+        for host, port in map(parse_server, options.servers):
             if (address := await self._resolved(host)) is not None:
                 servers.append((address, port))
         if options.servers and not servers:

@@ -9,7 +9,7 @@ from typing import Final, NamedTuple, get_args
 
 import msgspec
 
-from bus_bridge.dds.options import DdsOptions, checked_peer, checked_server, far_of
+from bus_bridge.dds.options import DdsOptions, checked_peer, far_of, parse_server
 from bus_bridge.errors import BridgeError
 from bus_bridge.rtps.reach import DiscoveryRange
 
@@ -23,7 +23,7 @@ _RANGES: Final[tuple[DiscoveryRange, ...]] = get_args(DiscoveryRange)
 
 
 class Told(NamedTuple):
-    """The content of the variables."""
+    """The values of the variables."""
 
     discovery: DiscoveryRange | None = None
     """None: the variable is not set, or empty."""
@@ -36,22 +36,29 @@ def read(environment: Mapping[str, str]) -> Told:
     return Told(
         _range(environment.get(RANGE, "")),
         _addresses(STATIC_PEERS, environment.get(STATIC_PEERS, ""), checked_peer, "10.0.0.2;robot.local"),
-        _addresses(SERVERS, environment.get(SERVERS, ""), checked_server, "10.0.0.2:11811;10.0.0.3:11811"),
+        _addresses(SERVERS, environment.get(SERVERS, ""), parse_server, "10.0.0.2:11811;10.0.0.3:11811"),
     )
 
 
 def apply(options: DdsOptions, told: Told) -> tuple[DdsOptions, list[str]]:
-    """The options with what the environment adds, and lines for the user about its effect."""
+    """The options with what the environment adds, and lines for the user about its effect.
+
+    Raises BridgeError for a Discovery Server out of reach.
+    """
     discovery = told.discovery or "SUBNET"
     servers = tuple(dict.fromkeys((*options.servers, *told.servers)))
     made = msgspec.structs.replace(options, discovery=discovery, servers=servers)
     if discovery == "OFF":
         lines = [f"{RANGE} is OFF: the bridge finds no node of ROS 2, and none finds the bridge"]
-        return made, lines + ([f"{RANGE} is OFF: {STATIC_PEERS} has no effect"] if told.peers else [])
+        given = ((STATIC_PEERS, told.peers), ("a Discovery Server", servers))
+        lines += [f"{RANGE} is OFF: {name} has no effect" for name, has_any in given if has_any]
+        return msgspec.structs.replace(made, servers=()), lines
     if servers:
-        lines = [f"nodes are found by the Discovery Server {', '.join(servers)}"]
-        without = [name for name, peers in (("--peer", made.peers), (STATIC_PEERS, told.peers)) if peers]
-        lines += [f"with a Discovery Server, {name} has no effect" for name in without]
+        if options.is_local and (far := far_of(tuple(parse_server(one)[0] for one in told.servers))):
+            raise BridgeError(f"{SERVERS} has {far[0]}, which the bridge can't reach without --interface")
+        given = (("--peer", made.peers), (STATIC_PEERS, told.peers))
+        lines = [f"nodes are found by Discovery Servers: {', '.join(servers)}"]
+        lines += [f"with a Discovery Server, {name} has no effect" for name, has_any in given if has_any]
         return msgspec.structs.replace(made, peers=()), lines
     lines = []
     match told.discovery:
@@ -79,7 +86,8 @@ def _range(text: str) -> DiscoveryRange | None:
 
 
 def _addresses(name: str, text: str, checked: Callable[[str], object], example: str) -> tuple[str, ...]:
-    """The addresses in that variable. The place of a Discovery Server is its number, so some may be empty."""
+    """The addresses in that variable. Empty ones are skipped: in ROS_DISCOVERY_SERVER they keep the ids of
+    later servers."""
     found = tuple(part for part in text.split(";") if part)
     for part in found:
         try:

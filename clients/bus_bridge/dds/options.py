@@ -16,8 +16,8 @@ __all__ = [
     "Distro",
     "checked_interface",
     "checked_peer",
-    "checked_server",
     "far_of",
+    "parse_server",
 ]
 
 Distro = Literal["auto", "humble"]
@@ -40,7 +40,8 @@ class DdsOptions(msgspec.Struct, frozen=True):
     """`humble`: nodes of this bus are listed in Humble's form, which later distros can't read. `auto`: in the
     form of the first ROS 2 participant, or the newer form if there is none."""
     carrier: CarrierName = "auto"
-    """What carries topics: cyclonedds, or the RTPS of busd. `auto`: cyclonedds if it is installed."""
+    """What carries topics: cyclonedds, or the RTPS of busd. `auto`: cyclonedds if it is installed and there
+    are no `servers`."""
     discovery: DiscoveryRange = "SUBNET"
     """How far the bridge looks for ROS 2's nodes, within the reach of `interface`."""
     servers: tuple[str, ...] = ()
@@ -72,7 +73,7 @@ class DdsOptions(msgspec.Struct, frozen=True):
         checked_interface(self.interface)
         for peer in self.peers:
             checked_peer(peer)
-        far = far_of((*self.peers, *(checked_server(server)[0] for server in self.servers)))
+        far = far_of((*self.peers, *(parse_server(server)[0] for server in self.servers)))
         if far and self.is_local:
             raise BridgeError(
                 f"{far[0]} can't be reached over the loopback interface: name the interface towards it, as "
@@ -102,7 +103,7 @@ def checked_peer(text: str) -> str:
     return text
 
 
-def checked_server(text: str) -> tuple[str, int]:
+def parse_server(text: str) -> tuple[str, int]:
     """The host and the port of a Discovery Server. Raises BridgeError if `text` names none."""
     host, colon, port = text.partition(":")
     if not host or not _is_plain(host) or (colon and not (port.isdecimal() and 0 < int(port) < 1 << 16)):

@@ -3,7 +3,8 @@
     datagrams <-> `messages.py` (`parameters.py`, `ids.py`);  discovery: `announcements.py`
     samples <-> `writer.py` <-> `messages.py` <-> `reader.py` (`fragments.py`, `room.py`; states: `lives.py`)
 
-    datagrams <-> `participant.py` (`local.py`, `far.py`, `presence.py`, `outbox.py`) <-> its user
+    datagrams <-> `participant.py` (`local.py`, `far.py`, `own_announcements.py`, `outbox.py`) <-> its user
+                  `client.py`: the same for clients of Discovery Servers (`serials.py`: has a peer restarted?)
     event loop: `running.py` (`sockets.py`; the addresses to call: `reach.py`)
 
 All except `running.py` and `sockets.py` is pure: bytes, values and times in, bytes and values out.
@@ -22,6 +23,7 @@ Read first: `messages.py`, then `lives.py` and `writer.py`, then `participant.py
 
 Tests: `tests/unit/bus_bridge/rtps/`, `tests/property/test_rtps_wire.py`,
 `tests/property/test_rtps_reliability.py`; the fuzzers `datagrams`, `announcements` and `participant` of
-`tests/fuzz/rtps_targets.py`; with ROS 2's own rclpy `tests/system/test_rtps_ros.py`, between
+`tests/fuzz/rtps_targets.py`; with ROS 2's own rclpy `tests/system/test_rtps_ros.py`,
+`tests/system/test_bridge_discovery_server.py`, between
 machines `tests/system/test_rtps_network.py`.
 """

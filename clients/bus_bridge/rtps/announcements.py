@@ -43,9 +43,9 @@ __all__ = [
     "EndpointKind",
     "ParticipantData",
     "Policies",
+    "Related",
     "departed",
-    "departure",
-    "identity",
+    "inline_qos",
     "is_match",
     "read_endpoint",
     "read_participant",
@@ -78,12 +78,10 @@ _GONE: Final = 0b11
 _XCDR1: Final = 0
 _DEFAULT_LEASE_NS: Final = 100_000_000_000
 
-_ROLE, _SERVERS_VERSION = "PARTICIPANT_TYPE", "DS_VERSION"
-"""Properties of participants of Fast DDS: what they are to a Discovery Server, and the version of that."""
-_CLIENT_OF_ALL: Final = "SUPER_CLIENT"
-"""A Discovery Server tells it of everything, others only of their own topics."""
-_SERVER_ROLES: Final = frozenset(("SERVER", "BACKUP"))
-_VERSION_OF_SERVERS: Final = "2.0"
+_PARTICIPANT_TYPE, _DS_VERSION = "PARTICIPANT_TYPE", "DS_VERSION"
+"""Names of Fast DDS's properties about Discovery Servers."""
+_SERVERS: Final = frozenset(("SERVER", "BACKUP"))
+_USED_DS_VERSION: Final = "2.0"
 
 
 class Policies(NamedTuple):
@@ -105,6 +103,15 @@ RELIABLE: Final = Policies()
 """Reliable, volatile."""
 
 
+class Related(NamedTuple):
+    """The identity of an announcement. A Discovery Server passes it on by a writer of its own, with another
+    number."""
+
+    writer: bytes
+    """The GUID of the writer that made it."""
+    number: int
+
+
 class ParticipantData(NamedTuple):
     prefix: bytes
     vendor: bytes
@@ -120,7 +127,7 @@ class ParticipantData(NamedTuple):
     @property
     def is_server(self) -> bool:
         """Whether it is a Discovery Server."""
-        return self.role in _SERVER_ROLES
+        return self.role in _SERVERS
 
 
 class EndpointData(NamedTuple):
@@ -150,7 +157,7 @@ def write_participant(data: ParticipantData) -> bytes:
     if data.user_data:
         parameters.append((_USER_DATA, write_octets(data.user_data)))
     if data.role:
-        properties = [(_ROLE, data.role), (_SERVERS_VERSION, _VERSION_OF_SERVERS)]
+        properties = [(_PARTICIPANT_TYPE, data.role), (_DS_VERSION, _USED_DS_VERSION)]
         parameters.append((_PROPERTIES, write_properties(properties)))
     return _PL_CDR_LE + write_parameters(parameters)
 
@@ -212,12 +219,12 @@ def write_endpoint(data: EndpointData) -> bytes:
     return _PL_CDR_LE + write_parameters(parameters)
 
 
-def read_endpoint(payload: bytes, kind: EndpointKind, source: bytes | None) -> EndpointData:
-    """A reader or writer of the participant with the prefix `source`; None: of any. Raises RtpsError."""
+def read_endpoint(payload: bytes, kind: EndpointKind) -> EndpointData:
+    """A reader or writer, of any participant. Raises RtpsError."""
     order, found = _list_in(payload)
     guid = _guid(found, _ENDPOINT_GUID)
-    if guid is None or source not in (None, guid[:PREFIX_BYTES]):
-        raise RtpsError("an endpoint without a GUID of its participant")
+    if guid is None:
+        raise RtpsError("an endpoint without a GUID")
     if not (is_reader_id(guid) if kind == "reader" else is_writer_id(guid)):
         raise RtpsError(f"a {kind} with the id {guid[PREFIX_BYTES:].hex()}")
     if _TOPIC not in found or _TYPE not in found:
@@ -238,21 +245,18 @@ def read_endpoint(payload: bytes, kind: EndpointKind, source: bytes | None) -> E
     )
 
 
-def identity(writer: bytes, number: int) -> bytes:
-    """Inline QoS of an announcement for a Discovery Server: the GUID of our writer, and its number there.
+def inline_qos(*, related: Related | None = None, gone: bytes | None = None) -> bytes:
+    """Inline QoS of an announcement; empty if there is none.
 
-    The server passes on the announcement by a writer of its own, with another number.
+    `related`: its identity, for Discovery Servers. `gone`: it says that our participant or endpoint with that
+    GUID has gone.
     """
-    return write_parameters(_identity(writer, number))
-
-
-def departure(guid: bytes, writer: bytes = b"", number: int = 0) -> bytes:
-    """Inline QoS that tells others that our participant or endpoint with that GUID has gone.
-
-    For a Discovery Server with an identity, as in `identity`.
-    """
-    named = _identity(writer, number) if writer else []
-    return write_parameters([*named, (_KEY_HASH, guid), (_STATUS, bytes(3) + bytes([_GONE]))])
+    parameters = []
+    if related is not None:
+        parameters.append((_RELATED, related.writer + write_number64(related.number)))
+    if gone is not None:
+        parameters += [(_KEY_HASH, gone), (_STATUS, bytes(3) + bytes([_GONE]))]
+    return write_parameters(parameters) if parameters else b""
 
 
 def departed(payload: bytes | None, inline: Parameters) -> bytes | None:
@@ -287,15 +291,11 @@ def is_match(ours: EndpointData, far: EndpointData) -> bool:
     )
 
 
-def _identity(writer: bytes, number: int) -> list[tuple[int, bytes]]:
-    return [(_RELATED, writer + write_number64(number))]
-
-
 def _role(found: Parameters, order: Order) -> str:
     if _PROPERTIES not in found:
         return ""
     try:
-        return read_properties(found[_PROPERTIES][0], order).get(_ROLE, "")
+        return read_properties(found[_PROPERTIES][0], order).get(_PARTICIPANT_TYPE, "")
     except RtpsError:
         return ""  # vendors write much there, and nothing else is of interest
 

@@ -34,12 +34,12 @@ USUAL_BOUNDS: Final = Bounds()
 
 
 class FarParticipant:
-    """One participant. `relay`: the Discovery Server that announced it; empty: it did that itself."""
+    """One participant. `server`: the Discovery Server that announced it; empty: it did that itself."""
 
-    def __init__(self, data: ParticipantData, source: Address, room_bytes: int, relay: bytes = b"") -> None:
+    def __init__(self, data: ParticipantData, source: Address, room_bytes: int, server: bytes = b"") -> None:
         self.prefix = data.prefix
-        self.relays = {relay} if relay else set()
-        """Prefixes of the Discovery Servers that have it in their lists."""
+        self.servers = {server} if server else set()
+        """Prefixes of the Discovery Servers that announce it."""
         self.room = Room(room_bytes)
         self.endpoints: dict[bytes, EndpointData] = {}
         self.refused_endpoints = 0
@@ -47,7 +47,7 @@ class FarParticipant:
         self.update(data, source)
 
     def update(self, data: ParticipantData, source: Address) -> None:
-        """Take over its newest announcement, from `source`: its own address, or the one of a relay."""
+        """Take over its newest announcement, from `source`: its own address, or that of a server."""
         self.data = data
         self.source = source
         self.vendor = data.vendor
@@ -56,8 +56,11 @@ class FarParticipant:
         self.lease_ns = min(max(data.lease_ns, _LEAST_LEASE_NS), _LONGEST_LEASE_NS)
 
     def heard_from(self, source: Address) -> None:
-        """It has sent a datagram itself. A relay knows its addresses, but not the nearest one."""
-        if self.relays and source[0] != self.source[0]:
+        """Use the address from which it sends, if it has announced that one.
+
+        A server's announcement has all its addresses, and does not say which of them can be reached.
+        """
+        if self.servers and source[0] != self.source[0]:
             named = (*self.data.addresses, *self.data.discovery_addresses)
             if source[0] in (one[0] for one in named):
                 self.update(self.data, source)
@@ -80,8 +83,6 @@ class FarParticipants:
         self._by_prefix: dict[bytes, FarParticipant] = {}
         self._expires_ns: dict[bytes, int] = {}
         self._by_topic: dict[str, dict[bytes, EndpointData]] = {}
-        self._early: dict[bytes, EndpointData] = {}
-        """Endpoints of participants that no Discovery Server has told of yet, by GUID."""
 
     def __iter__(self) -> Iterator[FarParticipant]:
         return iter(list(self._by_prefix.values()))
@@ -93,13 +94,13 @@ class FarParticipants:
         return self._by_prefix.get(prefix)
 
     def add(
-        self, data: ParticipantData, source: Address, now_ns: int, relay: bytes = b""
+        self, data: ParticipantData, source: Address, now_ns: int, server: bytes = b""
     ) -> FarParticipant | None:
         """Note a new participant; None if there are too many, or if it has no address for announcements."""
         if len(self._by_prefix) >= self._bounds.participants:
             self.refused += 1
             return None
-        far = FarParticipant(data, source, self._bounds.room_bytes, relay)
+        far = FarParticipant(data, source, self._bounds.room_bytes, server)
         if far.discovery_address is None:
             self.refused += 1
             return None
@@ -112,27 +113,25 @@ class FarParticipants:
         self._expires_ns[far.prefix] = now_ns + far.lease_ns
 
     def expired(self, now_ns: int) -> list[FarParticipant]:
-        """Participants whose lease has ended. A Discovery Server watches those in its list itself."""
+        """Participants whose lease has ended. A Discovery Server watches those that it announces."""
         due = [self._by_prefix[prefix] for prefix, end in self._expires_ns.items() if end <= now_ns]
-        return [far for far in due if not far.relays]
+        return [far for far in due if not far.servers]
 
-    def unlist(self, far: FarParticipant, relay: bytes, now_ns: int) -> bool:
-        """It is no longer in the list of that relay; returns whether it is in no list now.
+    def lose_server(self, far: FarParticipant, server: bytes, now_ns: int) -> bool:
+        """That server does not announce it any more; returns whether no server does now.
 
-        From then on it has a lease of its own.
+        From then on its own lease counts.
         """
-        if relay not in far.relays:
+        if server not in far.servers:
             return False
-        far.relays.discard(relay)
+        far.servers.discard(server)
         self.refresh(far, now_ns)
-        return not far.relays
+        return not far.servers
 
     def remove(self, far: FarParticipant) -> None:
         """Forget a participant and its endpoints."""
         for guid in list(far.endpoints):
             self.remove_endpoint(guid)
-        if far.data.is_server:
-            self._early.clear()
         self._by_prefix.pop(far.prefix, None)
         self._expires_ns.pop(far.prefix, None)
 
@@ -146,24 +145,8 @@ class FarParticipants:
         self._by_topic.setdefault(endpoint.topic, {})[endpoint.guid] = endpoint
         return True
 
-    def keep_early(self, endpoint: EndpointData) -> bool:
-        """Keep an endpoint until its participant is known; returns whether there was room for it.
-
-        A Discovery Server tells of endpoints and of participants by different writers.
-        """
-        if len(self._early) >= self._bounds.endpoints:
-            return False
-        self._early[endpoint.guid] = endpoint
-        return True
-
-    def take_early(self, far: FarParticipant) -> list[EndpointData]:
-        """The endpoints that were kept for this participant."""
-        guids = [guid for guid in self._early if guid.startswith(far.prefix)]
-        return [self._early.pop(guid) for guid in guids]
-
     def remove_endpoint(self, guid: bytes) -> EndpointData | None:
         """Forget an endpoint; returns what it was, or None if it is not known."""
-        self._early.pop(guid, None)
         far = self._by_prefix.get(guid[:PREFIX_BYTES])
         endpoint = None if far is None else far.endpoints.pop(guid, None)
         if endpoint is not None:

@@ -7,9 +7,7 @@ know: sockets and clocks. Datagrams come in by `receive`, and leave by `transmit
 An announcement of a participant is sent again and again. Announcements of endpoints are samples of two
 reliable writers that each participant has. Other endpoints than the wanted ones are not kept.
 
-A client of Discovery Servers of Fast DDS announces itself to these only, and learns of all others from them:
-participants by a third pair of a reliable writer and a reader, their endpoints by the same writers as those
-of the server. Samples go directly.
+`client.py` has what is different for a client of Discovery Servers.
 """
 
 import heapq
@@ -56,15 +54,16 @@ from bus_bridge.rtps.messages import (
     read_datagram,
 )
 from bus_bridge.rtps.outbox import Outbox
+from bus_bridge.rtps.own_announcements import OwnAnnouncements, Settings
 from bus_bridge.rtps.parameters import Address, RtpsError
-from bus_bridge.rtps.presence import CALL, Presence, Settings
 from bus_bridge.rtps.reader import Arrived, Reader
 from bus_bridge.rtps.writer import USUAL, Keeping, Writer
 
-__all__ = ["Events", "Participant"]
+__all__ = ["OF_DISCOVERY", "Events", "Participant"]
 
 _ANNOUNCE_NS: Final = 2_000_000_000
-_OF_DISCOVERY: Final = Keeping(changes=20_000, payload_bytes=32 << 20, for_late_joiners=True)
+OF_DISCOVERY: Final = Keeping(changes=20_000, payload_bytes=32 << 20, for_late_joiners=True)
+"""How much the writers of announcements keep."""
 _KINDS: Final[Mapping[bytes, EndpointKind]] = {PUBLICATIONS_WRITER: "writer", SUBSCRIPTIONS_WRITER: "reader"}
 """What the two writers of discovery announce."""
 _READERS: Final = {
@@ -110,8 +109,8 @@ class Participant:
         self._settings = settings
         self._events = events
         self._is_wanted = is_wanted
-        self._presence = Presence(settings)
-        vendor = self._presence.vendor
+        self._own = OwnAnnouncements(settings)
+        vendor = self._own.vendor
         self._outbox = Outbox(settings.prefix, transmit, settings.datagram_bytes, vendor)
         self._numbers = count(1)
         self._locals: dict[bytes, Local] = {}
@@ -121,14 +120,9 @@ class Participant:
         """Our endpoints by GUID of the far one that they are matched with."""
         self._ends: dict[bytes, Reader | Writer] = {}
         for entity in (PUBLICATIONS_WRITER, SUBSCRIPTIONS_WRITER):
-            self._ends[entity] = Writer(entity, self._send, _OF_DISCOVERY)
+            self._ends[entity] = Writer(entity, self._send, OF_DISCOVERY)
         for entity in (PUBLICATIONS_READER, SUBSCRIPTIONS_READER):
             self._ends[entity] = Reader(entity, self._send, self._endpoint_arrived)
-        if settings.is_client:
-            self._ends[SPDP_WRITER] = Writer(SPDP_WRITER, self._send, _OF_DISCOVERY)
-            self._ends[SPDP_READER] = Reader(
-                SPDP_READER, self._send, self._listed, on_anew=self._server_restarted
-            )
         self._touched: dict[bytes, None] = {}
         """Entities whose `due_ns` may have changed."""
         self._plan: list[tuple[int, int, bytes]] = []
@@ -192,7 +186,7 @@ class Participant:
                     local.reader.remove_writer(guid)
             announcer = self._announcer(local.data.kind)
             announcer.withdraw(local.announced)
-            news = self._presence.departure(local.guid, announcer.entity, announcer.last + 1)
+            news = self._own.inline(announcer.entity, announcer.last + 1, gone=local.guid)
             announcer.write(None, now_ns, now_ns, inline=news, stays=False)
             self._touched[announcer.entity] = None
 
@@ -213,14 +207,9 @@ class Participant:
             return local.writer.write(payload, now_ns, time_ns, inline=inline, to=to)
 
     def is_known(self, local: Local, prefix: bytes) -> bool:
-        """Whether that participant has acknowledged the announcement of an endpoint of ours, or a Discovery
-        Server that has it in its list."""
+        """Whether that participant has acknowledged the announcement of an endpoint of ours."""
         announcer = self._announcer(local.data.kind)
-        far = self.far.find(prefix)
-        listeners = (far.relays if far is not None else ()) or (prefix,)
-        return any(
-            announcer.acknowledged(one + _READERS[announcer.entity]) >= local.announced for one in listeners
-        )
+        return announcer.acknowledged(prefix + _READERS[announcer.entity]) >= local.announced
 
     # --- datagrams and times
 
@@ -234,9 +223,6 @@ class Participant:
     def start(self, now_ns: int) -> None:
         """Announce the participant from now on."""
         self._announce_ns = now_ns
-        if isinstance(listing := self._ends.get(SPDP_WRITER), Writer):
-            inline = self._presence.inline(SPDP_WRITER, CALL)
-            listing.write(self._presence.description, now_ns, now_ns, inline=inline)
         self.act(now_ns)
 
     def act(self, now_ns: int) -> None:
@@ -246,11 +232,7 @@ class Participant:
                 self._announce_ns = now_ns + _ANNOUNCE_NS
                 for address in self._called():
                     self._announce(address)
-                for far in self.far.expired(now_ns):
-                    self._remove(far)
-                for far in self.far if self._settings.is_client else ():
-                    if not far.relays and not far.data.is_server:
-                        self._ask_for_life(far)
+                self._check_leases()
             while self._plan and self._plan[0][0] <= now_ns:
                 due_ns, _, entity = heapq.heappop(self._plan)
                 if self._planned.get(entity) != due_ns:
@@ -284,7 +266,7 @@ class Participant:
 
     def leave(self, now_ns: int) -> None:
         """Tell all others that this participant goes. Nothing may be called after that."""
-        news = [self._presence.last_call()]
+        news = [self._own.disposal()]
         for address in self._called():
             self._outbox.put_for_all(address, news)
         self._announce_ns = None
@@ -327,17 +309,15 @@ class Participant:
         datagram may be lost, and Fast DDS ignores announcements that come while it starts.
         """
         found = (far.discovery_address for far in self.far if far.discovery_address is not None)
-        return dict.fromkeys((*self._settings.peers, *(() if self._settings.is_client else found)))
+        return dict.fromkeys((*self._settings.peers, *found))
 
-    def _ask_for_life(self, far: FarParticipant) -> None:
-        """Ask a participant for a sign of life: no server watches it, and clients don't call each other."""
-        for guid in far.endpoints:
-            for local in self._matched.get(guid, {}).values():
-                if local.writer is not None and local.writer.ask(guid, self._now_ns):
-                    return
+    def _check_leases(self) -> None:
+        """Called at each announcement."""
+        for far in self.far.expired(self._now_ns):
+            self._remove(far)
 
     def _announce(self, address: Address) -> None:
-        self._outbox.put_for_all(address, [self._presence.call()])
+        self._outbox.put_for_all(address, [self._own.alive()])
 
     def _announcer(self, kind: EndpointKind) -> Writer:
         end = self._ends[PUBLICATIONS_WRITER if kind == "writer" else SUBSCRIPTIONS_WRITER]
@@ -352,7 +332,7 @@ class Participant:
             self._ends[entity] = end
             self._by_topic.setdefault(data.topic, {})[entity] = local
             announcer = self._announcer(data.kind)
-            inline = self._presence.inline(announcer.entity, announcer.last + 1)
+            inline = self._own.inline(announcer.entity, announcer.last + 1)
             local.announced = announcer.write(write_endpoint(data), now_ns, now_ns, inline=inline)
             self._touched[announcer.entity] = None
             for far in list(self.far.of_topic(data.topic).values()):
@@ -361,11 +341,12 @@ class Participant:
 
     def _receive(self, received: Received, source: Address) -> None:
         one = received.submessage
-        if isinstance(one, Data) and one.writer == SPDP_WRITER:
-            if not self._settings.is_client:
-                self._participant_arrived(one, received.source, source)
-                return
-            self._server_arrived(one, received.source, source)
+        if (
+            isinstance(one, Data)
+            and one.writer == SPDP_WRITER
+            and self._participant_arrived(one, received.source, source)
+        ):
+            return
         far = self.far.find(received.source)
         if far is None:
             self.strange += 1
@@ -409,69 +390,28 @@ class Participant:
             found = [matched[reader]] if reader in matched else []
         return [local.reader for local in found if local.reader is not None]
 
-    def _participant_arrived(self, one: Data, prefix: bytes, source: Address) -> None:
+    def _participant_arrived(self, one: Data, prefix: bytes, source: Address) -> bool:
+        """Handle the announcement of a participant; returns whether that was all."""
         known = self.far.find(prefix)
         try:
             if departed(one.payload, one.inline) is not None:
                 if known is not None:
                     self._remove(known)
-                return
+                return True
             data = read_participant(one.payload or b"", prefix)
         except RtpsError as error:
             self._events.warn(f"a participant at {source[0]} is ignored: {error}")
-            return
+            return True
         if known is None:
             self._meet(data, source)
         else:
             known.update(data, source)
             self.far.refresh(known, self._now_ns)
-
-    def _server_arrived(self, one: Data, prefix: bytes, source: Address) -> None:
-        """A Discovery Server among the peers may have announced itself for the first time."""
-        if self.far.find(prefix) is not None or source[0] not in (peer[0] for peer in self._settings.peers):
-            return
-        try:
-            data = read_participant(one.payload or b"", prefix)
-        except RtpsError:
-            return  # it passes on the announcement of another one, and sends that again once it is known
-        if data.is_server:
-            self._meet(data, source)
-
-    def _listed(self, arrived: Arrived) -> None:
-        """A Discovery Server has a participant in its list, or no longer: itself, too."""
-        server = self.far.find(arrived.writer[:PREFIX_BYTES])
-        if server is None:
-            return
-        try:
-            gone = departed(arrived.payload, arrived.inline)
-            data = None if gone is not None else read_participant(arrived.payload or b"", None)
-        except RtpsError as error:
-            self._events.warn(f"a participant that {server.source[0]} tells of is ignored: {error}")
-            return
-        known = self.far.find((gone or b"")[:PREFIX_BYTES] if data is None else data.prefix)
-        if data is None:
-            if known is server or (known and self.far.unlist(known, server.prefix, self._now_ns)):
-                self._remove(known)
-        elif known is server:
-            server.update(data, server.source)
-        elif data.is_server or data.prefix == self.prefix:
-            return  # servers tell of themselves
-        elif known is not None:
-            known.relays.add(server.prefix)
-            known.update(data, known.source)
-        elif (far := self._add_participant(data, server.source, server.prefix)) is not None:
-            for endpoint in self.far.take_early(far):
-                self._add_endpoint(far, endpoint)
-
-    def _server_restarted(self, writer: bytes) -> None:
-        """A Discovery Server has restarted, with the GUID that it had before. It will announce itself."""
-        if (server := self.far.find(writer[:PREFIX_BYTES])) is not None:
-            self._remove(server)
+        return True
 
     def _meet(self, data: ParticipantData, source: Address) -> None:
         """A new participant has announced itself: announce everything to it."""
-        far = self._add_participant(data, source)
-        if far is None:
+        if (far := self._add_participant(data, source)) is None:
             return
         assert far.discovery_address is not None
         self._announce(far.discovery_address)
@@ -485,9 +425,9 @@ class Participant:
                 end.add_writer(far.prefix + _WRITERS[entity], far.room, self._now_ns)
 
     def _add_participant(
-        self, data: ParticipantData, source: Address, relay: bytes = b""
+        self, data: ParticipantData, source: Address, server: bytes = b""
     ) -> FarParticipant | None:
-        far = self.far.add(data, source, self._now_ns, relay)
+        far = self.far.add(data, source, self._now_ns, server)
         if far is not None:
             self._events.participant_added(data)
             return far
@@ -509,24 +449,24 @@ class Participant:
         try:
             gone = departed(arrived.payload, arrived.inline)
             if gone is not None:
-                if self._may_tell_of(gone, sender):
-                    self._forget_endpoint(gone)
+                self._endpoint_gone(sender, gone)
                 return
-            source = None if self._settings.is_client else sender.prefix
-            endpoint = read_endpoint(arrived.payload or b"", kind, source)
+            endpoint = read_endpoint(arrived.payload or b"", kind)
+            if self._is_wanted(endpoint):
+                self._endpoint_told(sender, endpoint)
         except RtpsError as error:
             sender.refused_endpoints += 1
             self._events.warn(f"an endpoint at {sender.source[0]} is ignored: {error}")
-            return
-        if not self._may_tell_of(endpoint.guid, sender) or not self._is_wanted(endpoint):
-            return
-        far = self.far.find(endpoint.guid[:PREFIX_BYTES])
-        if far is not None:
-            self._add_endpoint(far, endpoint)
-        elif not self.far.keep_early(endpoint):
-            self._events.warn(
-                f"endpoints in the list of {sender.source[0]} are ignored: it names no participants for them"
-            )
+
+    def _endpoint_told(self, sender: FarParticipant, endpoint: EndpointData) -> None:
+        """Handle the announcement of a wanted endpoint. Raises RtpsError if it is not the sender's."""
+        if endpoint.guid[:PREFIX_BYTES] != sender.prefix:
+            raise RtpsError("an endpoint of another participant")
+        self._add_endpoint(sender, endpoint)
+
+    def _endpoint_gone(self, sender: FarParticipant, guid: bytes) -> None:
+        if guid[:PREFIX_BYTES] == sender.prefix:
+            self._forget_endpoint(guid)
 
     def _add_endpoint(self, far: FarParticipant, endpoint: EndpointData) -> None:
         if self.far.find_endpoint(endpoint.guid) == endpoint:
@@ -541,17 +481,6 @@ class Participant:
         self._events.endpoint_added(endpoint, far.vendor)
         for local in list(self._by_topic.get(endpoint.topic, {}).values()):
             self._match(local, endpoint)
-
-    def _may_tell_of(self, guid: bytes, sender: FarParticipant) -> bool:
-        """Whether an endpoint belongs to the sender of its announcement, or to a participant in its list.
-
-        A Discovery Server may tell of the endpoints before it tells of the participant.
-        """
-        prefix = guid[:PREFIX_BYTES]
-        if prefix in (sender.prefix, self.prefix):
-            return prefix == sender.prefix
-        far = self.far.find(prefix)
-        return sender.data.is_server if far is None else sender.prefix in far.relays
 
     def _match(self, local: Local, endpoint: EndpointData) -> None:
         far = self.far.find(endpoint.guid[:PREFIX_BYTES])
@@ -578,6 +507,9 @@ class Participant:
             self._events.endpoint_removed(endpoint)
 
     def _remove(self, far: FarParticipant) -> None:
+        """Forget a participant, and its endpoints before it. A second call has no effect."""
+        if self.far.find(far.prefix) is not far:
+            return
         for guid in list(far.endpoints):
             self._forget_endpoint(guid)
         for entity, end in self._ends.items():
@@ -589,6 +521,4 @@ class Participant:
             else:
                 end.remove_writer(far.prefix + _WRITERS[entity])
         self.far.remove(far)
-        for listed in self.far:
-            self.far.unlist(listed, far.prefix, self._now_ns)
         self._events.participant_removed(far.prefix)

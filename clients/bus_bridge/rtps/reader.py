@@ -5,7 +5,6 @@ addresses, datagrams, clocks: times come from the caller, submessages go to `sen
 """
 
 from collections.abc import Callable
-from itertools import count
 from typing import Final, NamedTuple
 
 from bus_bridge.rtps.fragments import Partial
@@ -55,7 +54,7 @@ class Arrived(NamedTuple):
 class _Far:
     """A matched far writer."""
 
-    def __init__(self, guid: bytes, room: Room, now_ns: int, *, reliable: bool) -> None:
+    def __init__(self, guid: bytes, room: Room, now_ns: int, floor: int, *, reliable: bool) -> None:
         self.guid = guid
         self.room = room
         self.reliable = reliable
@@ -69,7 +68,9 @@ class _Far:
         self.state = ReaderState.JOINING
         self.serials = Serials()
         """Of its heartbeats."""
-        self.requests = 0
+        self.requests = floor
+        """The serial of the last ACKNACK or NACK_FRAG to it."""
+        self.asks = 0
         """ACKNACKs to it."""
         self.pause_ns = _FIRST_PAUSE_NS
         self.due_ns = now_ns
@@ -95,8 +96,8 @@ class _Far:
 class Reader:
     """One reader of our participant. `deliver` gets samples in the order of each writer.
 
-    `sample_bytes`: longer samples are passed over, and counted. `on_anew` is called with the GUID of a writer
-    that counts anew, as a Discovery Server that has restarted: remove it then.
+    `sample_bytes`: longer samples are passed over, and counted. `on_restart` is called with the GUID of a
+    writer that has restarted with the GUID that it had before, as Discovery Servers do: remove it then.
     """
 
     def __init__(
@@ -106,7 +107,7 @@ class Reader:
         deliver: Callable[[Arrived], None],
         *,
         sample_bytes: int = 16 << 20,
-        on_anew: Callable[[bytes], object] | None = None,
+        on_restart: Callable[[bytes], object] | None = None,
     ) -> None:
         self.entity = entity
         self.lost = 0
@@ -119,10 +120,10 @@ class Reader:
         self._send = send
         self._deliver = deliver
         self._sample_bytes = sample_bytes
-        self._on_anew = on_anew
+        self._on_restart = on_restart
         self._writers: dict[bytes, _Far] = {}
-        self._serials = count(1)
-        """Of requests, to all writers: one that was thought gone, and is back, may know the last one."""
+        self._floor = 0
+        """The highest serial of requests to writers that were removed: one that is back may remember it."""
 
     @property
     def writers(self) -> list[bytes]:
@@ -148,14 +149,23 @@ class Reader:
         """Match a far writer. `room` is for its samples until they are delivered."""
         if guid in self._writers:
             return
-        far = self._writers[guid] = _Far(guid, room, now_ns, reliable=reliable)
+        far = self._writers[guid] = _Far(guid, room, now_ns, self._floor, reliable=reliable)
         if reliable:
             self._ask(far, now_ns)
 
     def remove_writer(self, guid: bytes) -> None:
         far = self._writers.pop(guid, None)
         if far is not None:
+            self._floor = max(self._floor, far.requests)
             far.clear()
+
+    def ask(self, guid: bytes, now_ns: int) -> bool:
+        """Ask that writer for a heartbeat; returns whether it is one that gives any."""
+        far = self._writers.get(guid)
+        if far is None or not far.reliable:
+            return False
+        self._acknowledge(far, [], now_ns, is_final=False)
+        return True
 
     def data(self, guid: bytes, one: Data, time_ns: int, now_ns: int) -> None:
         """Handle a sample of that writer."""
@@ -200,11 +210,11 @@ class Reader:
         far = self._writers.get(guid)
         if far is None or not far.reliable:
             return
-        match far.serials.judge(one.serial):
+        match far.serials.judge(one.serial, now_ns):
             case Serial.OLD:
                 return
-            case Serial.ANEW if self._on_anew is not None:
-                self._on_anew(guid)
+            case Serial.RESTARTED if self._on_restart is not None:
+                self._on_restart(guid)
                 return
         far.last = max(far.last, one.last)
         self._move_to(far, one.first - 1)
@@ -355,8 +365,9 @@ class Reader:
             partial = far.partial[number]
             is_arriving = now_ns - partial.touched_ns < _FIRST_PAUSE_NS
             if not is_arriving and (fragments := partial.missing()):
-                reader, writer, serial = self.entity, far.guid[PREFIX_BYTES:], next(self._serials)
-                self._send(far.guid, [write_nack_fragments(reader, writer, number, fragments, serial)])
+                far.requests += 1
+                reader, writer = self.entity, far.guid[PREFIX_BYTES:]
+                self._send(far.guid, [write_nack_fragments(reader, writer, number, fragments, far.requests)])
         self._acknowledge(far, missing, now_ns, is_final=False)
         far.asked_ns = now_ns
         far.due_ns = now_ns + far.pause_ns
@@ -364,11 +375,11 @@ class Reader:
 
     def _acknowledge(self, far: _Far, missing: list[int], now_ns: int, *, is_final: bool = True) -> None:
         far.requests += 1
+        far.asks += 1
         base, writer = far.low + 1, far.guid[PREFIX_BYTES:]
-        if far.state is ReaderState.JOINING and far.low == 0 and far.requests % 2 == 0:
+        if far.state is ReaderState.JOINING and far.low == 0 and far.asks % 2 == 0:
             base = 0  # only this makes Fast DDS send a heartbeat; others may want the standard's 1
-        serial = next(self._serials)
-        acknack = write_acknack(self.entity, writer, base, missing, serial, is_final=is_final)
+        acknack = write_acknack(self.entity, writer, base, missing, far.requests, is_final=is_final)
         self._send(far.guid, [acknack])
 
     def _make_place(self, far: _Far, number: int) -> bool:

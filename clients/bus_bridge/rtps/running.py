@@ -7,11 +7,12 @@ from collections.abc import Callable
 from typing import Final
 
 from bus_bridge.rtps.announcements import RELIABLE, EndpointData, Policies
+from bus_bridge.rtps.client import ClientParticipant
 from bus_bridge.rtps.far import USUAL_BOUNDS, Bounds
 from bus_bridge.rtps.ids import OUR_VENDOR, PREFIX_BYTES
 from bus_bridge.rtps.local import Local
+from bus_bridge.rtps.own_announcements import Settings
 from bus_bridge.rtps.participant import Events, Participant
-from bus_bridge.rtps.presence import Settings
 from bus_bridge.rtps.reach import Reach
 from bus_bridge.rtps.reader import Arrived
 from bus_bridge.rtps.sockets import Sockets
@@ -55,7 +56,8 @@ class RunningParticipant:
         )
         if not reach.is_local:
             settings = settings._replace(datagram_bytes=_PACKET_BYTES, fragment_bytes=_PACKET_BYTES - 200)
-        self.core = Participant(settings, self._sockets.send, events, is_wanted)
+        make = ClientParticipant if settings.is_client else Participant
+        self.core = make(settings, self._sockets.send, events, is_wanted)
         self._timer: asyncio.TimerHandle | None = None
         self._timer_at_s = 0.0
         self._is_closed = False

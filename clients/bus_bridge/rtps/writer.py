@@ -6,7 +6,6 @@ come from the caller, submessages go to `send`.
 
 from collections import deque
 from collections.abc import Callable, Sequence
-from itertools import count
 from typing import Final, NamedTuple
 
 from bus_bridge.rtps.ids import PREFIX_BYTES
@@ -69,7 +68,7 @@ class Change(NamedTuple):
 class _Far:
     """A matched far reader."""
 
-    def __init__(self, guid: bytes, start: int, told: int, *, reliable: bool) -> None:
+    def __init__(self, guid: bytes, start: int, told: int, floor: int, *, reliable: bool) -> None:
         self.guid = guid
         self.reliable = reliable
         self.first = start
@@ -86,10 +85,12 @@ class _Far:
         self.pause_ns = _FIRST_PAUSE_NS
         self.due_ns = 0
         self.rests_until_ns = 0
+        self.heartbeats = floor
+        """The serial of the last heartbeat to it."""
         self.hushed_ns = 0
         """Until then, no request for a heartbeat is answered."""
-        self.anew_ns = 0
-        """Not before then it gets all samples once more."""
+        self.offer_from_ns = 0
+        """The earliest time at which all samples are offered to it again."""
         self.has_answered = False
 
     def on(self, event: WriterEvent) -> None:
@@ -99,11 +100,18 @@ class _Far:
 class Writer:
     """One writer of our participant.
 
-    `fragment_bytes`: longer samples are sent in fragments of this size.
+    `fragment_bytes`: longer samples are sent in fragments of this size. `on_restart` is called with the GUID
+    of a reader that has lost what it had acknowledged: remove it then. None: it may ask for it again.
     """
 
     def __init__(
-        self, entity: bytes, send: Send, keeping: Keeping = USUAL, *, fragment_bytes: int = 60_000
+        self,
+        entity: bytes,
+        send: Send,
+        keeping: Keeping = USUAL,
+        *,
+        fragment_bytes: int = 60_000,
+        on_restart: Callable[[bytes], object] | None = None,
     ) -> None:
         self.entity = entity
         self.last = 0
@@ -115,9 +123,10 @@ class Writer:
         self._send = send
         self._keeping = keeping
         self._fragment_bytes = fragment_bytes
+        self._on_restart = on_restart
         self._readers: dict[bytes, _Far] = {}
-        self._heartbeats = count(1)
-        """Serials, of all readers: one that was thought gone, and is back, may know the last one."""
+        self._floor = 0
+        """The highest serial of heartbeats to readers that were removed: one that is back may remember it."""
         self._kept: dict[int, Change] = {}
         self._kept_bytes = 0
 
@@ -171,7 +180,9 @@ class Writer:
             return
         stays = self._keeping.for_late_joiners
         start = 1 if stays else self.last + 1
-        far = self._readers[guid] = _Far(guid, start, start - 1 if stays else 0, reliable=reliable)
+        far = self._readers[guid] = _Far(
+            guid, start, start - 1 if stays else 0, self._floor, reliable=reliable
+        )
         if not reliable:
             far.state = WriterState.QUIET
         for change in list(self._kept.values()) if stays else ():
@@ -184,6 +195,7 @@ class Writer:
     def remove_reader(self, guid: bytes) -> None:
         far = self._readers.pop(guid, None)
         if far is not None:
+            self._floor = max(self._floor, far.heartbeats)
             for number in far.unacknowledged:
                 self._settle(number, guid)
 
@@ -222,7 +234,7 @@ class Writer:
     def acknowledge(self, guid: bytes, acknack: AckNack, now_ns: int) -> None:
         """Handle an ACKNACK of that reader."""
         far = self._readers.get(guid)
-        if far is None or not far.reliable or far.serials[0].judge(acknack.serial) is Serial.OLD:
+        if far is None or not far.reliable or far.serials[0].judge(acknack.serial, now_ns) is Serial.OLD:
             return
         far.has_answered = True
         upto = min(acknack.base - 1, self.last)
@@ -232,8 +244,12 @@ class Writer:
             while far.unacknowledged and far.unacknowledged[0] <= upto:
                 self._settle(far.unacknowledged.popleft(), guid)
             far.wanted = {key: None for key in far.wanted if key[0] > upto}
-        elif max(upto, 0) < far.acknowledged and self._keeping.for_late_joiners and now_ns >= far.anew_ns:
-            self._begin_anew(far, max(upto, 0), now_ns)
+        elif max(upto, 0) < far.acknowledged:
+            if self._on_restart is not None:
+                self._on_restart(guid)
+                return
+            if self._keeping.for_late_joiners and now_ns >= far.offer_from_ns:
+                self._offer_again(far, max(upto, 0), now_ns)
         for number in acknack.missing:
             change = self._kept.get(number)
             if change is not None and guid in change.waits_for:
@@ -248,7 +264,7 @@ class Writer:
     def request_fragments(self, guid: bytes, nack: NackFragments, now_ns: int) -> None:
         """Handle a NACK_FRAG of that reader."""
         far = self._readers.get(guid)
-        if far is None or not far.reliable or far.serials[1].judge(nack.serial) is Serial.OLD:
+        if far is None or not far.reliable or far.serials[1].judge(nack.serial, now_ns) is Serial.OLD:
             return
         change = self._kept.get(nack.number)
         if change is None or change.payload is None or guid not in change.waits_for:
@@ -269,9 +285,10 @@ class Writer:
             else:
                 self._beat(far, now_ns)
 
-    def _begin_anew(self, far: _Far, upto: int, now_ns: int) -> None:
-        """A reader has thought this writer gone, and has lost what it had: it may ask for all of it again."""
-        far.anew_ns = now_ns + _LONGEST_PAUSE_NS
+    def _offer_again(self, far: _Far, upto: int, now_ns: int) -> None:
+        """The reader has forgotten this writer, and acknowledges less than before: it may ask for all kept
+        samples again. At most once in `_LONGEST_PAUSE_NS`."""
+        far.offer_from_ns = now_ns + _LONGEST_PAUSE_NS
         far.acknowledged = upto
         for change in self._kept.values():
             if change.stays and change.number > upto:
@@ -362,7 +379,8 @@ class Writer:
 
     def _beat(self, far: _Far, now_ns: int) -> None:
         """Send a heartbeat that asks for an answer; the next one comes later."""
-        reader, serial = far.guid[PREFIX_BYTES:], next(self._heartbeats)
+        far.heartbeats += 1
+        reader, serial = far.guid[PREFIX_BYTES:], far.heartbeats
         self._send(
             far.guid, [write_heartbeat(reader, self.entity, far.first, self.last, serial, is_final=False)]
         )

@@ -1,6 +1,6 @@
 """The engine for zenoh, between buses on different machines; with the extra `zenoh`.
 
-    `engine.py` --+-- `presence.py`  present buses, nodes and endpoints, from tokens (`keys.py`)
+    `engine.py` --+-- `presence.py`  present buses, nodes and endpoints, from tokens (`keys.py`, `groups.py`)
                   +-- `writing.py`   a route out: `window.py` keeps parts, `probing.py` asks for acks
                   +-- `reading.py`   a route in: `arrival.py` orders parts, `missing.py` asks again, `acks.py`
                   +-- `links.py`     the state of addresses; `own_log.py`: refused connections
@@ -18,5 +18,6 @@ Invariants:
 Read first: the docstring of `keys.py`, then `window.py` and `arrival.py`.
 
 Tests: `tests/unit/bus_bridge/zenoh/`, `tests/system/test_bridge_zenoh_engine.py`,
-`tests/system/test_bridge_zenoh.py`, `tests/system/test_bridge_zenoh_links.py`.
+`tests/system/test_bridge_zenoh.py`, `tests/system/test_bridge_zenoh_links.py`,
+`tests/system/test_bridge_router.py`.
 """

@@ -79,8 +79,10 @@ class ZenohEngine:
         self._links = Links(self._options, session, far.warn)
         tokens = session.source(self._see_token, 5 * MAX_TOKENS, self._lose_token, keeps_oldest=True)
         self._own_token = session.token(keys.bus_token(self._own.bus, self._own.run, session.zenoh_id))
-        seen = [keys.tokens_of(group) for group in self._options.groups.seen]
-        watched = seen or [keys.ALL_TOKENS, keys.ALL_BUSES]
+        watched = [keys.ALL_TOKENS, keys.ALL_BUSES]
+        if seen := self._options.groups.seen:
+            watched = [keys.buses_with(self._own.bus)]
+            watched += [asked(group) for group in seen for asked in (keys.tokens_of, keys.buses_in)]
         self._declared = [session.watch_tokens(expression, tokens) for expression in watched]
         for expression, take in (
             (keys.type_keys(self._own.bus), self._answer_type),

@@ -39,6 +39,8 @@ __all__ = [
     "ack_key",
     "ack_keys",
     "bus_token",
+    "buses_in",
+    "buses_with",
     "data_key",
     "endpoint_token",
     "interest_token",
@@ -118,6 +120,16 @@ Token = BusToken | NodeToken | EndpointToken | InterestToken | OtherVersion | Br
 def tokens_of(group: str) -> str:
     """The key expression of all tokens of the buses in a group."""
     return f"{_TOKENS}/*/*/{_part(group)}~$*/**"
+
+
+def buses_with(bus: str) -> str:
+    """The key expression of all bridges with the id of a bus, in any group, of every version."""
+    return f"@busd/*/{_part(bus)}/B/**"
+
+
+def buses_in(group: str) -> str:
+    """The key expression of the buses in a group, of every version."""
+    return f"@busd/*/*/B/{_part(group)}~$*/**"
 
 
 def bus_token(bus: str, run: str, zenoh_id: str) -> str:

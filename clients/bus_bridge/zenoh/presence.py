@@ -106,6 +106,9 @@ class Presence:
             return
         run = self._runs.get((token.bus, token.run))
         if run is None:
+            does_see = read_run(token.run).sees(self._groups)
+            if not does_see and (len(self._runs) >= MAX_RUNS or not isinstance(token, BusToken)):
+                return
             if len(self._runs) >= MAX_RUNS and not self._make_room():
                 self._far.warn(f"more than {MAX_RUNS} bridges announce themselves; further ones are ignored")
                 return
@@ -121,7 +124,7 @@ class Presence:
                 if read_run(token.run).sees(self._groups):
                     self._add_run(run)
                 else:
-                    self._refuse(run, "it does not see the group of this bus (--see there, --group here)")
+                    self._refuse(run, "its --see does not name the group of this bus (--group)")
             case NodeToken(_, _, node):
                 is_new = node.key not in run.nodes
                 run.nodes[node.key] = node
@@ -244,9 +247,9 @@ class Presence:
         run.interests.clear()
 
     def _make_room(self) -> bool:
-        """Forget a bridge with tokens of endpoints but without a token of the bridge itself."""
+        """Forget a bridge that does not see this bus, or with tokens of endpoints but none of its own."""
         for key, run in self._runs.items():
-            if run.token is None:
+            if run.token is None or not read_run(run.run).sees(self._groups):
                 self._clear(run)
                 del self._runs[key]
                 return True

@@ -38,7 +38,8 @@ def add_arguments(parser: ArgumentParser) -> None:
         "--discovery-server",
         action="append",
         metavar="ADDRESS",
-        help="a Discovery Server of Fast DDS, as in 10.0.0.2:11811 (also: $ROS_DISCOVERY_SERVER)",
+        help="a Discovery Server of Fast DDS, as in 10.0.0.2:11811, in addition to $ROS_DISCOVERY_SERVER; "
+        "may be given several times",
     )
     group.add_argument(
         "--distro",
@@ -48,7 +49,8 @@ def add_arguments(parser: ArgumentParser) -> None:
     group.add_argument(
         "--carrier",
         choices=("auto", "cyclonedds", "rtps"),
-        help="what carries topics: cyclonedds if it is installed, or busd's own RTPS (default: auto)",
+        help="what carries topics (default: auto, which is cyclonedds if it is installed; else, and with a "
+        "Discovery Server, busd's own RTPS)",
     )
     group = parser.add_argument_group("zenoh (--rmw zenoh)")
     group.add_argument(

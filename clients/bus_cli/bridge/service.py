@@ -44,7 +44,8 @@ def change_service(args: Namespace, engine: str, words: Iterable[str]) -> int:
         raise CommandError(f"{args.service!r} is neither {' nor '.join(_VERBS)}")
     is_system = _checked(args)
     domain = domain_id(args.domain)
-    name = f"busd-bridge-{_kind(args, engine)}{f'-{domain}' if domain else ''}.service"
+    kind = _kind(args, engine)
+    name = f"busd-bridge-{kind}{f'-{domain}' if domain else ''}.service"
     path = unit_folder(is_system=is_system) / name
     command = systemctl(is_system=is_system)
     if args.service == "uninstall":
@@ -52,7 +53,7 @@ def change_service(args: Namespace, engine: str, words: Iterable[str]) -> int:
         what_next = [f"{command} stop {name}", f"{command} daemon-reload"] if is_removed else []
         _report(args, [path] if is_removed else [], "Removed", what_next)
         return 0
-    text = _text(engine, domain, args.user or "", words)
+    text = _text(engine, kind, domain, args.user or "", words)
     if args.dry_run:
         if args.json:
             print_json({"files": {str(path): text}})
@@ -68,7 +69,7 @@ def change_service(args: Namespace, engine: str, words: Iterable[str]) -> int:
 
 
 def _kind(args: Namespace, engine: str) -> str:
-    """A bus may have bridges to several middlewares and domains of ROS 2, each with a unit of its own."""
+    """The bridge's part of the unit's name: a bus may have bridges to several domains of ROS 2."""
     kind = "rmw-zenoh" if getattr(args, "rmw", None) == "zenoh" else engine
     far_domain = getattr(args, "domain_id", None)
     return f"{kind}_{far_domain}" if far_domain else kind
@@ -120,7 +121,7 @@ def _checked(args: Namespace) -> bool:
     return True
 
 
-def _text(engine: str, domain: int, user: str, words: Iterable[str]) -> str:
+def _text(engine: str, kind: str, domain: int, user: str, words: Iterable[str]) -> str:
     program = Path(sys.executable).with_name("bus")
     start = [str(program)] if program.is_file() else [sys.executable, "-m", "bus_cli"]
     command = " ".join(map(quoted, [*start, "bridge", engine, *words]))
@@ -129,7 +130,7 @@ def _text(engine: str, domain: int, user: str, words: Iterable[str]) -> str:
         _OURS,
         "",
         "[Unit]",
-        f"Description=Bridge of busd to {engine} (domain {domain})",
+        f"Description=Bridge of busd to {kind} (domain {domain})",
         f"Wants={busd}.socket",
         f"After={busd}.socket network-online.target",
         "StartLimitIntervalSec=0",

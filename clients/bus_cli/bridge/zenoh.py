@@ -42,12 +42,13 @@ def add_arguments(parser: ArgumentParser) -> None:
         help="compress what is sent on links whose other side has this option, too; it costs CPU time",
     )
     group = parser.add_argument_group("fleets")
-    group.add_argument("--group", metavar="NAME", help="the group of this bus")
+    group.add_argument("--group", metavar="NAME", help="the group of this bus, for the --see of others")
     group.add_argument(
         "--see",
         action="append",
         metavar="GROUP",
-        help="see only buses of this group, if they see this bus, too; may be given several times",
+        help="see only buses of this group (default: all); two buses must see each other's group; may be "
+        "given several times",
     )
     add_bridge_arguments(parser, "zenoh")
 

@@ -98,23 +98,38 @@ def test_effect(
 
 
 @for_each(
-    ("options", "told", "servers", "lines"),
+    ("options", "told", "servers", "peers", "lines"),
     [
-        (LOCAL, Told(servers=("127.0.0.1",)), ("127.0.0.1",), ["by the Discovery Server 127.0.0.1"]),
+        (LOCAL, Told(servers=("127.0.0.1",)), ("127.0.0.1",), (), ["by Discovery Servers: 127.0.0.1"]),
         (
             DdsOptions(0, "eth0", ("10.0.0.7",), servers=("10.0.0.8",)),
             Told("LOCALHOST", ("10.0.0.2",), ("10.0.0.9:1", "10.0.0.8")),
             ("10.0.0.8", "10.0.0.9:1"),
+            (),
             ["10.0.0.8, 10.0.0.9:1", "--peer has no effect", "ROS_STATIC_PEERS has no effect"],
         ),
-        (ETH, Told("OFF", servers=("10.0.0.9",)), ("10.0.0.9",), ["finds no node of ROS 2"]),
+        (
+            ETH,
+            Told("OFF", servers=("10.0.0.9",)),
+            (),
+            ("10.0.0.7",),
+            ["finds no node of ROS 2", "is OFF: a Discovery Server has no effect"],
+        ),
+        (LOCAL, Told("OFF", servers=("10.0.0.9",)), (), (), ["finds no node", "a Discovery Server has no"]),
     ],
 )
 def test_discovery_servers(
-    options: DdsOptions, told: Told, servers: tuple[str, ...], lines: list[str]
+    options: DdsOptions, told: Told, servers: tuple[str, ...], peers: tuple[str, ...], lines: list[str]
 ) -> None:
     made, said = apply(options, told)
-    assert made.servers == servers
-    assert made.peers == (() if told.discovery != "OFF" else options.peers)
+    assert (made.servers, made.peers) == (servers, peers)
     assert len(said) == len(lines) and all(part in line for part, line in zip(lines, said, strict=True)), said
     made.check()
+
+
+def test_a_discovery_server_out_of_reach() -> None:
+    with pytest.raises(BridgeError) as caught:
+        apply(LOCAL, Told(servers=("127.0.0.1", "10.0.0.9:11811")))
+    assert str(caught.value) == (
+        "ROS_DISCOVERY_SERVER has 10.0.0.9, which the bridge can't reach without --interface"
+    )

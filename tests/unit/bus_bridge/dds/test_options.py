@@ -1,6 +1,6 @@
 import pytest
 
-from bus_bridge.dds.options import DdsOptions, checked_server
+from bus_bridge.dds.options import DdsOptions, parse_server
 from bus_bridge.errors import BridgeError
 from rows import for_each
 
@@ -56,8 +56,8 @@ def test_it_is_this_machine_alone_if_no_interface_is_named(interface: str, is_lo
 
 
 def test_the_port_of_a_discovery_server() -> None:
-    assert checked_server("robot.local") == ("robot.local", 11811)
-    assert checked_server("10.0.0.2:11888") == ("10.0.0.2", 11888)
+    assert parse_server("robot.local") == ("robot.local", 11811)
+    assert parse_server("10.0.0.2:11888") == ("10.0.0.2", 11888)
     assert DdsOptions(servers=("127.0.0.1",)).carrier_used == "rtps"
 
 

@@ -85,7 +85,7 @@ def test_silence_between_the_calls() -> None:
 
 
 def test_a_participant_that_is_only_called_goes_on_announcing_itself() -> None:
-    # Of its only peer's side, the first answer is lost: Fast DDS ignores announcements while it starts.
+    # The second datagram, the first answer to the caller, is lost: Fast DDS ignores it while it starts.
     network = Network(lambda number: number == 2)
     called = network.add("10.0.0.1", peers=())
     caller = network.add("10.0.0.2", peers=(called.address,))
@@ -276,7 +276,7 @@ def test_wrong_announcements() -> None:
         "an endpoint at 10.0.0.66 is ignored: a parameter list without its end"
     )
     hostile.announce(endpoint(1, b"o" * 12))
-    assert "without a GUID of its participant" in hostile.machine.warnings.pop()
+    assert "an endpoint of another participant" in hostile.machine.warnings.pop()
     assert hostile.machine.far == {}
 
 

@@ -145,7 +145,7 @@ def test_old_and_repeated_requests_are_ignored() -> None:
 
 
 def test_a_late_joiner_that_begins_anew_gets_all_again() -> None:
-    """It has thought the writer gone, so it counts from 1 again. Two such requests are no accident."""
+    """It has removed the writer, so it counts from 1 again."""
     world = World(Keeping(for_late_joiners=True))
     world.add()
     for number in range(1, 4):
@@ -154,6 +154,7 @@ def test_a_late_joiner_that_begins_anew_gets_all_again() -> None:
     world.taken()
     world.acknowledge(0, is_final=False, serial=1)
     assert world.taken() == []
+    world.wait(600)
     world.acknowledge(1, is_final=False, serial=2)
     assert world.taken() == ["heartbeat 1-3"]
     assert world.writer.acknowledged(ONE) == 0
@@ -167,6 +168,19 @@ def test_a_late_joiner_that_begins_anew_gets_all_again() -> None:
     world.wait(3_000)
     world.acknowledge(3, is_final=False, serial=6)
     assert world.writer.acknowledged(ONE) == 2
+
+
+def test_serials_go_on_for_a_reader_that_is_back() -> None:
+    """It may not have noticed that it was removed."""
+    serials = []
+    world = World()
+    for _ in range(3):
+        world.add()
+        world.wait(3_000)
+        world.writer.remove_reader(ONE)
+        serials += [one.serial for _, one in world.sent if isinstance(one, m.Heartbeat)]
+        world.sent.clear()
+    assert len(serials) > 9 and serials == sorted(set(serials))
 
 
 def test_a_volatile_writer_sends_nothing_again() -> None:

@@ -306,7 +306,7 @@ def test_a_bus_that_does_not_see_this_one_is_refused(own: Groups, theirs: Groups
         heard.presence.came(key)
     assert bool(heard.take()) is is_seen
     ((_, _, refusal),) = heard.presence.buses()
-    assert ("does not see the group" in refusal) is not is_seen
+    assert ("its --see does not name" in refusal) is not is_seen
 
 
 def test_a_bridge_that_restarts_in_another_group() -> None:
@@ -318,3 +318,16 @@ def test_a_bridge_that_restarts_in_another_group() -> None:
     heard.take()
     heard.presence.poll({"f1": "10.0.0.2", "f2": "10.0.0.2"})
     assert heard.take() == [("no bus", "robot", "its bridge has restarted"), ("bus", "robot")]
+
+
+def test_bridges_that_do_not_see_this_bus_take_no_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(presence, "MAX_RUNS", 3)
+    heard = Heard()
+    blind = write_run(Groups("robots", ("operators",)), "1")
+    for number in range(5):
+        for key in tokens(f"robot{number}", blind).values():
+            heard.presence.came(key)
+    assert len(heard.presence.buses()) == 3 and heard.take() == []
+    for number in range(3):
+        heard.presence.came(keys.bus_token(f"other{number}", "1", "f00"))
+    assert heard.take() == [("bus", f"other{number}") for number in range(3)]

@@ -1,27 +1,27 @@
-"""The announcements that a participant makes of itself and of its endpoints. Pure.
+"""The announcements that a participant makes of itself and of its endpoints, and its settings. Pure.
 
-Owns: their submessages and inline QoS. Must not know: which others there are, when an announcement is due.
+Owns: their submessages and inline QoS. Must not know: when an announcement is due.
 
-Discovery Servers of Fast DDS serve participants of Fast DDS only. So a client of such servers says that it is
-one. Its announcements have an identity: a server passes them on by writers of its own.
+Discovery Servers of Fast DDS ignore participants of other vendors. So a client of such servers announces the
+vendor id of Fast DDS. Its announcements have an identity: a server passes them on by writers of its own.
 """
 
 from typing import Final, NamedTuple
 
-from bus_bridge.rtps.announcements import ParticipantData, departure, identity, write_participant
+from bus_bridge.rtps.announcements import ParticipantData, Related, inline_qos, write_participant
 from bus_bridge.rtps.far import USUAL_BOUNDS, Bounds
 from bus_bridge.rtps.ids import FAST_DDS, OUR_VENDOR, PARTICIPANT, SPDP_READER, SPDP_WRITER, UNKNOWN_ENTITY
 from bus_bridge.rtps.messages import write_data
 from bus_bridge.rtps.parameters import Address
 
-__all__ = ["CALL", "Presence", "Settings"]
+__all__ = ["ALIVE", "OwnAnnouncements", "Settings"]
 
-CALL: Final = 1
-"""The number of each call."""
-_LAST_CALL: Final = 2
-"""Fast DDS ignores an end with the number of a call."""
+ALIVE: Final = 1
+"""The number of the announcement of the participant. It never changes."""
+_DISPOSAL: Final = 2
+"""Fast DDS ignores a disposal with the number of the announcement."""
 _LEASE_NS: Final = 20_000_000_000
-_ROLE: Final = "SUPER_CLIENT"
+_SUPER_CLIENT: Final = "SUPER_CLIENT"
 """A Discovery Server tells it of everything, other clients only of their own topics."""
 
 
@@ -43,8 +43,8 @@ class Settings(NamedTuple):
     bounds: Bounds = USUAL_BOUNDS
 
 
-class Presence:
-    """What the participant with these settings says of itself."""
+class OwnAnnouncements:
+    """The announcements of the participant with these settings."""
 
     def __init__(self, settings: Settings) -> None:
         self._prefix = settings.prefix
@@ -58,27 +58,25 @@ class Presence:
                 settings.addresses,
                 _LEASE_NS,
                 settings.user_data,
-                _ROLE if settings.is_client else "",
+                _SUPER_CLIENT if settings.is_client else "",
             )
         )
         """The payload of the announcement of the participant."""
 
-    def call(self) -> bytes:
+    def alive(self) -> bytes:
         """The announcement of the participant, for whoever receives it."""
-        inline = self.inline(SPDP_WRITER, CALL)
-        return write_data(UNKNOWN_ENTITY, SPDP_WRITER, CALL, self.description, inline)
+        inline = self.inline(SPDP_WRITER, ALIVE)
+        return write_data(UNKNOWN_ENTITY, SPDP_WRITER, ALIVE, self.description, inline)
 
-    def last_call(self) -> bytes:
+    def disposal(self) -> bytes:
         """The announcement that the participant goes."""
-        inline = self.departure(self._prefix + PARTICIPANT, SPDP_WRITER, _LAST_CALL)
-        return write_data(SPDP_READER, SPDP_WRITER, _LAST_CALL, None, inline)
+        inline = self.inline(SPDP_WRITER, _DISPOSAL, gone=self._prefix + PARTICIPANT)
+        return write_data(SPDP_READER, SPDP_WRITER, _DISPOSAL, None, inline)
 
-    def inline(self, writer: bytes, number: int) -> bytes:
-        """Inline QoS of the announcement with that number of one of its writers."""
-        return identity(self._prefix + writer, number) if self._is_client else b""
+    def inline(self, writer: bytes, number: int, *, gone: bytes | None = None) -> bytes:
+        """Inline QoS of the announcement with that number of one of its writers.
 
-    def departure(self, guid: bytes, writer: bytes, number: int) -> bytes:
-        """Inline QoS of an announcement that the participant or an endpoint of it has gone."""
-        if self._is_client:
-            return departure(guid, self._prefix + writer, number)
-        return departure(guid)
+        `gone`: the GUID of the participant, or of an endpoint of it, that has gone.
+        """
+        related = Related(self._prefix + writer, number) if self._is_client else None
+        return inline_qos(related=related, gone=gone)

@@ -92,19 +92,6 @@ def test_an_endpoint_and_a_participant_that_end() -> None:
     assert world.listener.participants == {world.servers[0].prefix}
 
 
-def test_an_announcement_is_known_once_the_server_has_it() -> None:
-    world = World()
-    world.network.run(1)
-    world.servers[0].is_cut = True
-    talker, listener = world.talker.participant, world.listener.participant
-    late = talker.add_writer("rt/other", TYPE, world.network.now_ns)
-    world.network.run(1)
-    assert not talker.is_known(late, listener.prefix)
-    world.servers[0].is_cut = False
-    world.network.run(3)
-    assert talker.is_known(late, listener.prefix)
-
-
 def test_participants_outlive_their_server_while_they_live() -> None:
     world = World()
     world.network.run(60)
@@ -148,7 +135,7 @@ def test_a_server_that_is_back_lists_the_same_participants() -> None:
     world.network.run(100)
     talker, listener = world.talker, world.listener
     assert talker.participants == {server.prefix, listener.participant.prefix}
-    assert [one.relays for one in talker.participant.far] == [{server.prefix}, set()]
+    assert [one.servers for one in talker.participant.far] == [{server.prefix}, set()]
     world.say(b"on")
     world.network.run(1)
     assert world.got == [b"on"]
@@ -157,18 +144,63 @@ def test_a_server_that_is_back_lists_the_same_participants() -> None:
 def test_a_server_that_restarts_at_once() -> None:
     """It counts anew, with the GUID that it had before. Clients of Fast DDS wait for the end of its lease."""
     world = World()
+    gone = [world.client(f"10.0.0.{number}") for number in range(20, 24)]  # so its numbers are high
     world.network.run(30)
+    for one in gone:
+        world.network.machines.remove(one)
     world.network.machines.remove(world.servers[0])
     Server(world.network, "10.0.0.1")
     world.network.run(10)
     late = world.client("10.0.0.13")
-    world.network.run(10)
+    world.network.run(60)
     assert {one.guid for one in late.far.values()} == {world.writer.guid, world.reader.guid}
     assert [len(one.participants) for one in (world.talker, world.listener, late)] == [3, 3, 3]
     world.say(b"on")
     world.network.run(1)
     assert world.got == [b"on"]
-    assert all(one.relays for one in world.talker.participant.far if not one.data.is_server)
+    assert all(one.servers for one in world.talker.participant.far if not one.data.is_server)
+
+
+def test_a_reader_without_writers_outlives_the_server() -> None:
+    """The talker has nothing that could be acknowledged but its heartbeats."""
+    world = World()
+    world.network.run(1)
+    world.servers[0].is_cut = True
+    world.network.run(100)
+    assert world.listener.participants == {world.talker.participant.prefix}
+    assert world.reader.matched == [world.writer.guid]
+
+
+def test_participants_that_can_not_be_asked_stay_until_a_server_is_back() -> None:
+    world = World()
+    world.network.run(1)
+    late = world.client("10.0.0.13")
+    world.network.run(1)
+    (server,) = world.servers
+    server.is_cut = True
+    world.network.run(100)
+    assert world.talker.participants == {world.listener.participant.prefix, late.participant.prefix}
+    assert "no Discovery Server answers: no other participants can be found" in world.talker.warnings
+    world.network.machines.remove(server)
+    world.network.machines.remove(late)
+    Server(world.network, "10.0.0.1")
+    world.network.run(60)
+    assert world.talker.participants == {server.prefix, world.listener.participant.prefix}
+
+
+def test_an_endpoint_that_ends_while_there_is_no_server() -> None:
+    world = World()
+    world.network.run(1)
+    (server,) = world.servers
+    server.is_cut = True
+    world.network.run(30)
+    world.network.machines.remove(server)
+    now_ns = world.network.now_ns
+    world.listener.participant.remove(world.reader, now_ns)
+    kept = world.listener.participant.add_reader("rt/kept", TYPE, world.deliver, now_ns)
+    Server(world.network, "10.0.0.1")
+    world.network.run(60)
+    assert set(world.talker.far) == {kept.guid} and world.writer.matched == []
 
 
 def test_of_two_servers_one_is_enough() -> None:
@@ -242,6 +274,59 @@ def test_a_server_may_not_tell_of_the_endpoints_of_others_than_those_in_its_list
     assert hostile.machine.far == far
 
 
+def test_a_server_can_not_change_another_one() -> None:
+    hostile = Hostile(servers=2)
+    first, second = hostile.world.servers
+    gap = write_gap(SPDP_READER, SPDP_WRITER, 1, 100)
+    hostile.say(gap + hostile.describe(first.prefix, number=100), second.prefix, "10.0.0.2")
+    hostile.say(hostile.describe(second.prefix, number=101), second.prefix, "10.0.0.2")
+    servers = {one.prefix: one for one in hostile.machine.participant.far if one.data.is_server}
+    assert set(servers) == {first.prefix, second.prefix}
+    assert servers[first.prefix].servers == set()
+
+
+def test_an_endpoint_of_a_participant_that_another_server_has_announced() -> None:
+    """It is kept until this server has announced the participant, too."""
+    hostile = Hostile(servers=2)
+    first, second = hostile.world.servers
+    gap = write_gap(SPDP_READER, SPDP_WRITER, 1, 100)
+    hostile.say(gap + hostile.describe(LIAR, number=100), first.prefix, "10.0.0.1")
+    one = EndpointData("writer", LIAR + writer_id(1), TOPIC, TYPE)
+    data = write_data(PUBLICATIONS_READER, PUBLICATIONS_WRITER, 100, write_endpoint(one))
+    hostile.say(write_gap(PUBLICATIONS_READER, PUBLICATIONS_WRITER, 1, 100) + data, second.prefix, "10.0.0.2")
+    assert one.guid not in hostile.machine.far
+    hostile.say(gap + hostile.describe(LIAR, number=100), second.prefix, "10.0.0.2")
+    assert one.guid in hostile.machine.far
+
+
+def test_a_server_that_answers_from_another_address_of_its_machine() -> None:
+    hostile = Hostile()
+    place = (("10.0.0.99", 7410), hostile.server.address)
+    data = ParticipantData(LIAR, FAST_DDS, place, place, 10 * S, role="SERVER")
+    hostile.say(write_data(SPDP_READER, SPDP_WRITER, 1, write_participant(data)), LIAR, "10.0.0.99")
+    assert LIAR in hostile.machine.participants
+
+
+def test_a_place_that_becomes_free_is_for_a_participant_that_was_refused() -> None:
+    hostile = Hostile(Bounds(participants=2))
+    world = hostile.world
+    assert len(hostile.machine.participants) == 2
+    world.talker.participant.leave(world.network.now_ns)
+    world.network.run(10)
+    assert hostile.machine.participants == {hostile.server.prefix, world.listener.participant.prefix}
+
+
+def test_endpoints_whose_participant_never_comes_make_room() -> None:
+    hostile = Hostile(Bounds(endpoints=2))
+    for number in range(100, 106):
+        one = EndpointData("writer", LIAR + writer_id(number), TOPIC, TYPE)
+        data = write_data(PUBLICATIONS_READER, PUBLICATIONS_WRITER, number, write_endpoint(one))
+        gap = write_gap(PUBLICATIONS_READER, PUBLICATIONS_WRITER, 1, number)
+        hostile.say(gap + data, hostile.server.prefix, "10.0.0.1")
+        hostile.world.network.run(31)
+    assert not any("announces are ignored" in one for one in hostile.machine.warnings)
+
+
 def test_endpoints_may_come_before_their_participant() -> None:
     hostile = Hostile(Bounds(endpoints=2))
     say = hostile.server.prefix, "10.0.0.1"
@@ -250,7 +335,7 @@ def test_endpoints_may_come_before_their_participant() -> None:
         parts = write_data(PUBLICATIONS_READER, PUBLICATIONS_WRITER, number, write_endpoint(one))
         hostile.say(write_gap(PUBLICATIONS_READER, PUBLICATIONS_WRITER, 1, number) + parts, *say)
     assert hostile.machine.warnings == [
-        "endpoints in the list of 10.0.0.1 are ignored: it names no participants for them"
+        "endpoints that 10.0.0.1 announces are ignored: their participants are not known"
     ]
     assert not any(guid.startswith(LIAR) for guid in hostile.machine.far)
     gap = write_gap(SPDP_READER, SPDP_WRITER, 1, 100)

@@ -5,16 +5,16 @@ import pytest
 from bus_bridge.rtps.announcements import departed, read_participant
 from bus_bridge.rtps.ids import FAST_DDS, OUR_VENDOR, PARTICIPANT, PUBLICATIONS_WRITER, SPDP_WRITER
 from bus_bridge.rtps.messages import Data, read_datagram, read_number64, write_head
+from bus_bridge.rtps.own_announcements import ALIVE, OwnAnnouncements, Settings
 from bus_bridge.rtps.parameters import Parameters, read_parameters
-from bus_bridge.rtps.presence import CALL, Presence, Settings
 
 PREFIX = bytes(range(12))
 PLACE = (("10.0.0.1", 7410),)
 RELATED = 0x83
 
 
-def presence(*, is_client: bool) -> Presence:
-    return Presence(Settings(PREFIX, PLACE, (), is_client=is_client, user_data=b"enclave=/;"))
+def made_by(*, is_client: bool) -> OwnAnnouncements:
+    return OwnAnnouncements(Settings(PREFIX, PLACE, (), is_client=is_client, user_data=b"enclave=/;"))
 
 
 def data_in(submessage: bytes) -> Data:
@@ -34,13 +34,13 @@ def identity_in(inline: Parameters) -> tuple[bytes, int] | None:
     ("is_client", "vendor", "role"), [(False, OUR_VENDOR, ""), (True, FAST_DDS, "SUPER_CLIENT")]
 )
 def test_calls(is_client: bool, vendor: bytes, role: str) -> None:
-    made = presence(is_client=is_client)
-    call, last = data_in(made.call()), data_in(made.last_call())
+    made = made_by(is_client=is_client)
+    call, last = data_in(made.alive()), data_in(made.disposal())
     assert call.payload == made.description
     told = read_participant(made.description, PREFIX)
     assert (told.vendor, told.role, told.addresses, told.user_data) == (vendor, role, PLACE, b"enclave=/;")
     assert made.vendor == vendor
-    assert (call.number, last.number) == (CALL, CALL + 1)
+    assert (call.number, last.number) == (ALIVE, ALIVE + 1)
     assert departed(last.payload, last.inline) == PREFIX + PARTICIPANT
     writer = PREFIX + SPDP_WRITER
     named = [(writer, 1), (writer, 2)] if is_client else [None, None]
@@ -49,9 +49,9 @@ def test_calls(is_client: bool, vendor: bytes, role: str) -> None:
 
 @pytest.mark.parametrize("is_client", [False, True])
 def test_announcements_of_endpoints(is_client: bool) -> None:
-    made = presence(is_client=is_client)
+    made = made_by(is_client=is_client)
     guid, named = PREFIX + b"rrr4", (PREFIX + PUBLICATIONS_WRITER, 7) if is_client else None
     inline = made.inline(PUBLICATIONS_WRITER, 7)
     assert (identity_in(read_parameters(inline, "<").parameters) if inline else None) == named
-    gone = read_parameters(made.departure(guid, PUBLICATIONS_WRITER, 7), "<").parameters
+    gone = read_parameters(made.inline(PUBLICATIONS_WRITER, 7, gone=guid), "<").parameters
     assert departed(None, gone) == guid and identity_in(gone) == named

@@ -1,0 +1,224 @@
+"""A participant that is a client of Discovery Servers of Fast DDS. Pure.
+
+It announces itself to the servers only, and learns of all others from them: of participants by a third pair
+of a reliable writer and a reader, of their endpoints by the writers of the server. Samples go directly.
+
+Owns: which servers are believed, and what is kept while servers come and go. Others that a server announces
+have no lease of their own: the server watches them. Without a server, they are asked for signs of life.
+"""
+
+from collections.abc import Callable, Iterable
+from typing import Final, NamedTuple
+
+from bus_bridge.rtps.announcements import EndpointData, ParticipantData, departed, read_participant
+from bus_bridge.rtps.far import FarParticipant
+from bus_bridge.rtps.ids import PREFIX_BYTES, SPDP_READER, SPDP_WRITER
+from bus_bridge.rtps.messages import Data
+from bus_bridge.rtps.own_announcements import ALIVE, Settings
+from bus_bridge.rtps.parameters import Address, RtpsError
+from bus_bridge.rtps.participant import OF_DISCOVERY, Events, Participant
+from bus_bridge.rtps.reader import Arrived, Reader
+from bus_bridge.rtps.writer import Writer
+
+__all__ = ["ClientParticipant"]
+
+_LOOPBACK: Final = "127."
+_EARLY_NS: Final = 60_000_000_000
+"""Time for which an endpoint waits for its participant."""
+_DOUBT_NS: Final = 30_000_000_000
+"""Time for a server that is back to announce the endpoints of a participant again."""
+_AGAIN_NS: Final = 60_000_000_000
+"""Time between two complete lists of a server."""
+_SILENCE_NS: Final = 10_000_000_000
+"""Time without any server before the user is told."""
+
+
+class _Early(NamedTuple):
+    """An endpoint that a server has announced before its participant."""
+
+    server: bytes
+    endpoint: EndpointData
+    until_ns: int
+
+
+class ClientParticipant(Participant):
+    """A participant whose settings have servers as peers, and `is_client`."""
+
+    def __init__(
+        self,
+        settings: Settings,
+        transmit: Callable[[Address, bytes], None],
+        events: Events,
+        is_wanted: Callable[[EndpointData], bool],
+    ) -> None:
+        super().__init__(settings, transmit, events, is_wanted)
+        restarted = self._server_restarted
+        self._listing = Writer(SPDP_WRITER, self._send, OF_DISCOVERY, on_restart=restarted)
+        self._ends[SPDP_WRITER] = self._listing
+        self._ends[SPDP_READER] = Reader(SPDP_READER, self._send, self._listed, on_restart=restarted)
+        self._early: dict[bytes, _Early] = {}
+        """By GUID."""
+        self._doubted: dict[bytes, set[bytes]] = {}
+        """GUIDs of endpoints that were announced by servers that have gone, by participant."""
+        self._doubt_ends_ns: dict[bytes, int] = {}
+        self._has_refused = False
+        """Whether there was no place for a participant. Servers announce each only once."""
+        self._again_ns = 0
+        self._warn_ns = 0
+
+    def start(self, now_ns: int) -> None:
+        inline = self._own.inline(SPDP_WRITER, ALIVE)
+        self._listing.write(self._own.description, now_ns, now_ns, inline=inline)
+        self._warn_ns = now_ns + _SILENCE_NS
+        super().start(now_ns)
+
+    # --- participants
+
+    def _called(self) -> Iterable[Address]:
+        return self._settings.peers
+
+    def _servers(self) -> list[FarParticipant]:
+        return [far for far in self.far if far.data.is_server]
+
+    def _participant_arrived(self, one: Data, prefix: bytes, source: Address) -> bool:
+        """A Discovery Server may have announced itself for the first time. Else, its reader takes it."""
+        if self.far.find(prefix) is None:
+            try:
+                data = read_participant(one.payload or b"", prefix)
+            except RtpsError:
+                return False  # of another participant: the server sends that again once it is known
+            if data.is_server and self._is_chosen(data, source):
+                self._meet(data, source)
+        return False
+
+    def _is_chosen(self, data: ParticipantData, source: Address) -> bool:
+        """Whether a server is one of the settings. It may answer from another address of its machine."""
+        hosts = {peer[0] for peer in self._settings.peers}
+        is_here = source[0] in {one[0] for one in self._settings.addresses}
+        return (
+            source[0] in hosts
+            or any(one in self._settings.peers for one in data.discovery_addresses)
+            or (is_here and any(host.startswith(_LOOPBACK) for host in hosts))
+        )
+
+    def _listed(self, arrived: Arrived) -> None:
+        """A Discovery Server announces a participant, which may be itself, or its end."""
+        server = self.far.find(arrived.writer[:PREFIX_BYTES])
+        if server is None:
+            return
+        try:
+            gone = departed(arrived.payload, arrived.inline)
+            data = None if gone is not None else read_participant(arrived.payload or b"", None)
+        except RtpsError as error:
+            self._events.warn(f"a participant that {server.source[0]} announces is ignored: {error}")
+            return
+        if data is None:
+            self._unlisted((gone or b"")[:PREFIX_BYTES], server)
+            return
+        known = self.far.find(data.prefix)
+        if known is server:
+            if data.is_server and data.discovery_addresses:
+                server.update(data, server.source)
+        elif data.is_server or data.prefix == self.prefix or (known is not None and known.data.is_server):
+            return  # servers announce themselves
+        elif known is not None:
+            if not known.servers and known.prefix in self._doubted:
+                self._doubt_ends_ns[known.prefix] = self._now_ns + _DOUBT_NS
+            known.servers.add(server.prefix)
+            known.update(data, known.source)
+            self._take_early(known, server)
+        elif (far := self._add_participant(data, server.source, server.prefix)) is not None:
+            self._take_early(far, server)
+        else:
+            self._has_refused = True
+
+    def _unlisted(self, prefix: bytes, server: FarParticipant) -> None:
+        """A server announces the end of a participant."""
+        for guid, early in list(self._early.items()):
+            if guid.startswith(prefix) and early.server == server.prefix:
+                del self._early[guid]
+        known = self.far.find(prefix)
+        if known is server or (known and self.far.lose_server(known, server.prefix, self._now_ns)):
+            self._remove(known)
+
+    def _server_restarted(self, guid: bytes) -> None:
+        """A Discovery Server has restarted, with the GUID that it had before. It will announce itself."""
+        if (server := self.far.find(guid[:PREFIX_BYTES])) is not None:
+            self._remove(server)
+
+    def _remove(self, far: FarParticipant) -> None:
+        super()._remove(far)
+        self._doubted.pop(far.prefix, None)
+        self._doubt_ends_ns.pop(far.prefix, None)
+        if far.data.is_server:
+            self._warn_ns = self._now_ns + _SILENCE_NS
+            self._early = {guid: one for guid, one in self._early.items() if one.server != far.prefix}
+            for listed in self.far:
+                if self.far.lose_server(listed, far.prefix, self._now_ns):
+                    self._doubted[listed.prefix] = set(listed.endpoints)
+                    self._doubt_ends_ns.pop(listed.prefix, None)
+
+    def _check_leases(self) -> None:
+        super()._check_leases()
+        now_ns = self._now_ns
+        servers = self._servers()
+        if not servers and now_ns >= self._warn_ns:
+            self._events.warn("no Discovery Server answers: no other participants can be found")
+        has_room = len(self.far) < self._settings.bounds.participants
+        if self._has_refused and has_room and now_ns >= self._again_ns:
+            self._has_refused, self._again_ns = False, now_ns + _AGAIN_NS
+            for server in servers:  # they will announce themselves, and then all others once more
+                self._remove(server)
+        for far in self.far:
+            is_orphan = not far.servers and not far.data.is_server
+            if is_orphan and not self._ask_for_life(far) and not servers:
+                self.far.refresh(far, now_ns)  # there is no server that would know it
+        self._early = {guid: one for guid, one in self._early.items() if one.until_ns > now_ns}
+        for prefix in [prefix for prefix, end_ns in self._doubt_ends_ns.items() if end_ns <= now_ns]:
+            del self._doubt_ends_ns[prefix]
+            for guid in self._doubted.pop(prefix, ()):
+                self._forget_endpoint(guid)
+
+    def _ask_for_life(self, far: FarParticipant) -> bool:
+        """Ask a participant that no server watches for a sign of life; returns whether that was possible."""
+        for guid in far.endpoints:
+            for local in self._matched.get(guid, {}).values():
+                end = local.writer or local.reader
+                if end is not None and end.ask(guid, self._now_ns):
+                    return True
+        return False
+
+    # --- endpoints
+
+    def _endpoint_told(self, sender: FarParticipant, endpoint: EndpointData) -> None:
+        """An endpoint of the sender, or of one that it announces: also before it does that."""
+        prefix = endpoint.guid[:PREFIX_BYTES]
+        far = self.far.find(prefix)
+        if far is not None and (far is sender or sender.prefix in far.servers):
+            self._add_endpoint(far, endpoint)
+        elif not sender.data.is_server or prefix == self.prefix or (far is not None and far.data.is_server):
+            raise RtpsError("an endpoint of another participant")
+        elif len(self._early) < self._settings.bounds.endpoints:
+            self._early[endpoint.guid] = _Early(sender.prefix, endpoint, self._now_ns + _EARLY_NS)
+        else:
+            self._events.warn(
+                f"endpoints that {sender.source[0]} announces are ignored: their participants are not known"
+            )
+
+    def _endpoint_gone(self, sender: FarParticipant, guid: bytes) -> None:
+        if guid in self._early and self._early[guid].server == sender.prefix:
+            del self._early[guid]
+        far = self.far.find(guid[:PREFIX_BYTES])
+        if far is not None and (far is sender or sender.prefix in far.servers):
+            self._forget_endpoint(guid)
+
+    def _add_endpoint(self, far: FarParticipant, endpoint: EndpointData) -> None:
+        self._doubted.get(far.prefix, set()).discard(endpoint.guid)
+        super()._add_endpoint(far, endpoint)
+
+    def _take_early(self, far: FarParticipant, server: FarParticipant) -> None:
+        """Add the endpoints of a participant that this server has announced before it."""
+        for guid, early in list(self._early.items()):
+            if guid.startswith(far.prefix) and early.server == server.prefix:
+                del self._early[guid]
+                self._add_endpoint(far, early.endpoint)
