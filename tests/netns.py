@@ -25,6 +25,7 @@ _SET_UP = (
     "ip link set lo up multicast on && ip route add 224.0.0.0/4 dev lo && mount -t tmpfs none /dev/shm"
     " && echo ready && exec cat"
 )
+_WAIT_UNTIL_UP = 'until ip -brief link show "$1" | grep -q " UP "; do sleep 0.01; done'
 _TIMEOUT_S = 20.0
 _NOBODY = "02:00:00:00:00:77"
 """An Ethernet address that no interface has."""
@@ -93,6 +94,8 @@ class Cable:
             interface, address = self._places[machine.name]
             machine.run("ip", "address", "add", f"{address}/24", "dev", interface)
             machine.run("ip", "link", "set", interface, "up")
+        for machine in ends:  # the kernel says so later, and Fast DDS passes over an interface until then
+            machine.run("sh", "-c", _WAIT_UNTIL_UP, "sh", self._places[machine.name][0])
 
     def address_of(self, machine: str) -> str:
         """The address of a machine for the other end."""
