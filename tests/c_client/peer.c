@@ -150,6 +150,9 @@ static int talk(unsigned long count)
         if (busd_dispatch(bus) < 0)
             return -1;
     }
+    const busd_graph *graph; /* busd answers after it has read all messages, of which late joiners get some */
+    if (options.qos.durability == BUSD_TRANSIENT_LOCAL && busd_graph_get(bus, 0, &graph) == 0)
+        busd_graph_free(graph);
     printf("published\n");
     fflush(stdout);
     while (turn(-1) == 0)

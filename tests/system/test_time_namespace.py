@@ -13,8 +13,7 @@ import pytest
 import bus
 import c_programs
 from bus.msg.std_msgs import String
-from bus_cli.query import Query
-from conftest import WAIT_S, Daemon
+from conftest import WAIT_S
 from programs import on_one_loop, running_command
 from semantics import LATCHED, until
 
@@ -88,18 +87,11 @@ async def test_ages_of_a_callback(route: str, talker: "subprocess.Popen[str]") -
         assert counted.age_count and 0 < counted.age_max_ns < WAIT_S * 1e9
 
 
-def published(daemon: Daemon) -> int:
-    """The messages on the topic that busd knows of."""
-    with Query(daemon.path, may_start=False) as query:
-        graph = query.graph(statistics=True)
-    return sum(one.statistics.samples for one in graph.publishers_of("/topic") if one.statistics)
-
-
 @on_one_loop
 async def test_a_late_joiner_of_a_publisher_in_c(
     route: str,
     inside: tuple[str, ...],
-    daemon: Daemon,
+    daemon: object,
     tmp_path_factory: pytest.TempPathFactory,
     tmp_path: Path,
 ) -> None:
@@ -115,7 +107,6 @@ async def test_a_late_joiner_of_a_publisher_in_c(
     )
     async with running_command(tmp_path, *command) as program, bus.Node("late") as node:
         await program.line("^published$")
-        await until(lambda: published(daemon) == 9)  # by the socket, busd may still have some to read
         subscription = await node.create_subscription(String, "/topic", LATCHED)
         assert [(await subscription.receive())[0].data.split()[0] for _ in range(3)] == ["6", "7", "8"]
 
