@@ -168,6 +168,8 @@ async def test_rclpy_sends_goals_to_an_action_of_the_bus(world: World, test_msgs
     gate = asyncio.Event()
 
     async def execute(goal: Any) -> Any:
+        # Feedback has no late joiners: the client's subscription may come after its goal.
+        await node.wait_for_graph(lambda graph: bool(graph.subscriptions_of("/count/_action/feedback")))
         for number in range(3):
             yield test_msgs.Feedback(sequence=[number])
         if goal.request.order == 13:
