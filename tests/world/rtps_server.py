@@ -5,6 +5,7 @@ participants of other vendors, and announcements without an identity.
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 from bus_bridge.rtps.announcements import (
     ParticipantData,
@@ -51,7 +52,15 @@ _PAIRS = (
 )
 _RELATED = 0x83
 _ANNOUNCE_NS = 3_000_000_000
+_LEASE_NS = 20_000_000_000
 _KEPT = Keeping(changes=1000, for_late_joiners=True)
+
+
+class _Once(Writer):
+    """It sends nothing again that was acknowledged: the server's database has it as known."""
+
+    def _offer_again(self, far: Any, upto: int, now_ns: int) -> None:
+        pass
 
 
 class Server:
@@ -65,7 +74,7 @@ class Server:
         self.ignored = 0
         self.network = network
         self.participant = self
-        self._writers = {one: Writer(one, self._send, _KEPT) for one, _ in _PAIRS}
+        self._writers = {one: _Once(one, self._send, _KEPT) for one, _ in _PAIRS}
         self._readers = {one: Reader(one, self._send, self._arrived) for _, one in _PAIRS}
         self._ends: list[Writer | Reader] = [*self._writers.values(), *self._readers.values()]
         place = (self.address,)
@@ -73,6 +82,7 @@ class Server:
         self._own = write_participant(own)
         self._write(SPDP_WRITER, self._own)
         self._announce_ns = network.now_ns
+        self._heard_ns: dict[bytes, int] = {}
         self._numbers: dict[bytes, int] = {}
         """Of the announcements of participants and endpoints, by GUID."""
         network.machines.append(self)
@@ -84,6 +94,11 @@ class Server:
     def act(self, now_ns: int) -> None:
         if self._announce_ns <= now_ns:
             self._announce_ns = now_ns + _ANNOUNCE_NS
+            for prefix in [one for one, at_ns in self._heard_ns.items() if at_ns <= now_ns - _LEASE_NS]:
+                del self._heard_ns[prefix]
+                if prefix in self.clients:
+                    self._forget(prefix)
+                    self._write(SPDP_WRITER, None, inline_qos(gone=prefix + PARTICIPANT))
             for prefix in self.clients:
                 self._send(prefix, [write_data(SPDP_READER, SPDP_WRITER, 1, self._own)])
         for end in self._ends:
@@ -97,6 +112,7 @@ class Server:
         read = read_datagram(datagram)
         for received in read.received:
             one, prefix = received.submessage, received.source
+            self._heard_ns[prefix] = now_ns
             if isinstance(one, Data) and one.writer == SPDP_WRITER and prefix not in self.clients:
                 self._meet(one, prefix, now_ns)
             if prefix not in self.clients or read.vendor != FAST_DDS:
@@ -137,10 +153,13 @@ class Server:
         if gone is None:
             self._numbers[key] = number
         if gone is not None and writer == SPDP_WRITER:
-            del self.clients[prefix]
-            for entity, reader in _PAIRS:
-                self._readers[reader].remove_writer(prefix + entity)
-                self._writers[entity].remove_reader(prefix + reader)
+            self._forget(prefix)
+
+    def _forget(self, prefix: bytes) -> None:
+        del self.clients[prefix]
+        for entity, reader in _PAIRS:
+            self._readers[reader].remove_writer(prefix + entity)
+            self._writers[entity].remove_reader(prefix + reader)
 
     def _key_in(self, writer: bytes, payload: bytes) -> bytes:
         if writer == SPDP_WRITER:

@@ -11,10 +11,10 @@ from collections.abc import Callable, Iterable
 from typing import Final, NamedTuple
 
 from bus_bridge.rtps.announcements import EndpointData, ParticipantData, departed, read_participant
-from bus_bridge.rtps.far import FarParticipant
+from bus_bridge.rtps.far import FarParticipant, choose_address
 from bus_bridge.rtps.ids import PREFIX_BYTES, SPDP_READER, SPDP_WRITER
 from bus_bridge.rtps.messages import Data
-from bus_bridge.rtps.own_announcements import ALIVE, Settings
+from bus_bridge.rtps.own_announcements import Settings
 from bus_bridge.rtps.parameters import Address, RtpsError
 from bus_bridge.rtps.participant import OF_DISCOVERY, Events, Participant
 from bus_bridge.rtps.reader import Arrived, Reader
@@ -29,6 +29,9 @@ _DOUBT_NS: Final = 30_000_000_000
 """Time for a server that is back to announce the endpoints of a participant again."""
 _AGAIN_NS: Final = 60_000_000_000
 """Time between two complete lists of a server."""
+_MOST_RENEWED: Final = 64
+_PAUSE_NS: Final = 1_500_000_000
+"""Time for a server to handle the end of this participant: it forgets an end that is followed by a call."""
 _SILENCE_NS: Final = 10_000_000_000
 """Time without any server before the user is told."""
 
@@ -61,18 +64,25 @@ class ClientParticipant(Participant):
         self._doubted: dict[bytes, set[bytes]] = {}
         """GUIDs of endpoints that were announced by servers that have gone, by participant."""
         self._doubt_ends_ns: dict[bytes, int] = {}
+        self._renewed: set[bytes] = set()
+        """Prefixes of servers that have to announce everything once more."""
         self._has_refused = False
         """Whether there was no place for a participant. Servers announce each only once."""
         self._again_ns = 0
         self._warn_ns = 0
 
     def start(self, now_ns: int) -> None:
-        inline = self._own.inline(SPDP_WRITER, ALIVE)
-        self._listing.write(self._own.description, now_ns, now_ns, inline=inline)
+        self._list(now_ns)
         self._warn_ns = now_ns + _SILENCE_NS
         super().start(now_ns)
 
     # --- participants
+
+    def _list(self, now_ns: int) -> None:
+        """Write the announcement of this participant for servers, with a new number."""
+        self._own.number = self._listing.last + 1
+        inline = self._own.inline(SPDP_WRITER, self._own.number)
+        self._listing.write(self._own.description, now_ns, now_ns, inline=inline)
 
     def _called(self) -> Iterable[Address]:
         return self._settings.peers
@@ -88,8 +98,25 @@ class ClientParticipant(Participant):
             except RtpsError:
                 return False  # of another participant: the server sends that again once it is known
             if data.is_server and self._is_chosen(data, source):
-                self._meet(data, source)
+                self._meet_server(data, source)
         return False
+
+    def _meet_server(self, data: ParticipantData, source: Address) -> None:
+        """A server announces itself. It does not send again what this participant has acknowledged to it.
+
+        So if everything is wanted once more, it gets the end of this participant, and later its announcement.
+        """
+        if data.prefix in self._renewed and data.discovery_addresses:
+            self._renewed.discard(data.prefix)
+            address = choose_address(data.discovery_addresses, source)
+            assert address is not None
+            self._outbox.put_for_all(address, [self._own.disposal()])
+            self._listing.withdraw(self._own.number)
+            self._listing.write(None, self._now_ns, self._now_ns, stays=False)  # the number of the disposal
+            self._list(self._now_ns)
+            self._announce_ns = self._now_ns + _PAUSE_NS
+        else:
+            self._meet(data, source)
 
     def _is_chosen(self, data: ParticipantData, source: Address) -> bool:
         """Whether a server is one of the settings. It may answer from another address of its machine."""
@@ -142,9 +169,14 @@ class ClientParticipant(Participant):
             self._remove(known)
 
     def _server_restarted(self, guid: bytes) -> None:
-        """A Discovery Server has restarted, with the GUID that it had before. It will announce itself."""
+        """A Discovery Server has restarted, with the GUID that it had before."""
         if (server := self.far.find(guid[:PREFIX_BYTES])) is not None:
-            self._remove(server)
+            self._renew(server)
+
+    def _renew(self, server: FarParticipant) -> None:
+        """Forget a server. At its next announcement of itself, it is asked for everything."""
+        self._remove(server)
+        self._renewed = {server.prefix, *list(self._renewed)[:_MOST_RENEWED]}
 
     def _remove(self, far: FarParticipant) -> None:
         super()._remove(far)
@@ -167,8 +199,8 @@ class ClientParticipant(Participant):
         has_room = len(self.far) < self._settings.bounds.participants
         if self._has_refused and has_room and now_ns >= self._again_ns:
             self._has_refused, self._again_ns = False, now_ns + _AGAIN_NS
-            for server in servers:  # they will announce themselves, and then all others once more
-                self._remove(server)
+            for server in servers:
+                self._renew(server)
         for far in self.far:
             is_orphan = not far.servers and not far.data.is_server
             if is_orphan and not self._ask_for_life(far) and not servers:

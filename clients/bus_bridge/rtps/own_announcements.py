@@ -17,9 +17,7 @@ from bus_bridge.rtps.parameters import Address
 __all__ = ["ALIVE", "OwnAnnouncements", "Settings"]
 
 ALIVE: Final = 1
-"""The number of the announcement of the participant. It never changes."""
-_DISPOSAL: Final = 2
-"""Fast DDS ignores a disposal with the number of the announcement."""
+"""The number of the first announcement of the participant."""
 _LEASE_NS: Final = 20_000_000_000
 _SUPER_CLIENT: Final = "SUPER_CLIENT"
 """A Discovery Server tells it of everything, other clients only of their own topics."""
@@ -49,6 +47,8 @@ class OwnAnnouncements:
     def __init__(self, settings: Settings) -> None:
         self._prefix = settings.prefix
         self._is_client = settings.is_client
+        self.number = ALIVE
+        """The number of the announcement of the participant."""
         self.vendor = FAST_DDS if settings.is_client else OUR_VENDOR
         self.description = write_participant(
             ParticipantData(
@@ -65,13 +65,14 @@ class OwnAnnouncements:
 
     def alive(self) -> bytes:
         """The announcement of the participant, for whoever receives it."""
-        inline = self.inline(SPDP_WRITER, ALIVE)
-        return write_data(UNKNOWN_ENTITY, SPDP_WRITER, ALIVE, self.description, inline)
+        inline = self.inline(SPDP_WRITER, self.number)
+        return write_data(UNKNOWN_ENTITY, SPDP_WRITER, self.number, self.description, inline)
 
     def disposal(self) -> bytes:
-        """The announcement that the participant goes."""
-        inline = self.inline(SPDP_WRITER, _DISPOSAL, gone=self._prefix + PARTICIPANT)
-        return write_data(SPDP_READER, SPDP_WRITER, _DISPOSAL, None, inline)
+        """The announcement that the participant goes. Fast DDS ignores it with a number that it knows."""
+        number = self.number + 1
+        inline = self.inline(SPDP_WRITER, number, gone=self._prefix + PARTICIPANT)
+        return write_data(SPDP_READER, SPDP_WRITER, number, None, inline)
 
     def inline(self, writer: bytes, number: int, *, gone: bytes | None = None) -> bytes:
         """Inline QoS of the announcement with that number of one of its writers.
