@@ -153,17 +153,15 @@ class ClientParticipant(Participant):
                 self._doubt_ends_ns[known.prefix] = self._now_ns + _DOUBT_NS
             known.servers.add(server.prefix)
             known.update(data, known.source)
-            self._take_early(known, server)
+            self._add_early(known, server)
         elif (far := self._add_participant(data, server.source, server.prefix)) is not None:
-            self._take_early(far, server)
+            self._add_early(far, server)
         else:
             self._has_refused = True
 
     def _unlisted(self, prefix: bytes, server: FarParticipant) -> None:
         """A server announces the end of a participant."""
-        for guid, early in list(self._early.items()):
-            if guid.startswith(prefix) and early.server == server.prefix:
-                del self._early[guid]
+        self._pop_early(prefix, server)
         known = self.far.find(prefix)
         if known is server or (known and self.far.lose_server(known, server.prefix, self._now_ns)):
             self._remove(known)
@@ -248,9 +246,15 @@ class ClientParticipant(Participant):
         self._doubted.get(far.prefix, set()).discard(endpoint.guid)
         super()._add_endpoint(far, endpoint)
 
-    def _take_early(self, far: FarParticipant, server: FarParticipant) -> None:
+    def _add_early(self, far: FarParticipant, server: FarParticipant) -> None:
         """Add the endpoints of a participant that this server has announced before it."""
-        for guid, early in list(self._early.items()):
-            if guid.startswith(far.prefix) and early.server == server.prefix:
-                del self._early[guid]
-                self._add_endpoint(far, early.endpoint)
+        for endpoint in self._pop_early(far.prefix, server):
+            self._add_endpoint(far, endpoint)
+
+    def _pop_early(self, prefix: bytes, server: FarParticipant) -> list[EndpointData]:
+        found = [
+            guid
+            for guid, early in self._early.items()
+            if guid.startswith(prefix) and early.server == server.prefix
+        ]
+        return [self._early.pop(guid).endpoint for guid in found]

@@ -303,7 +303,7 @@ class Participant:
             self._outbox.put(address, far.prefix, list(parts))
 
     def _called(self) -> Iterable[Address]:
-        """Where the participant announces itself again and again: also to all that it has found.
+        """The addresses of all announcements: those of the settings, and of all that it has found.
 
         Those may be out of reach of the settings' addresses, if they have called this participant first. A
         datagram may be lost, and Fast DDS ignores announcements that come while it starts.

@@ -50,6 +50,7 @@ class _Run:
         self.bus, self.run = bus, run
         self.began = own_part(run)
         """Later runs of a bus sort after earlier ones."""
+        self.groups = read_run(run)
         self.token: BusToken | None = None
         self.nodes: dict[str, FarNode] = {}
         self.endpoints: dict[str, FarEndpoint] = {}
@@ -121,7 +122,7 @@ class Presence:
         match token:
             case BusToken():
                 run.token = token
-                if read_run(token.run).sees(self._groups):
+                if run.groups.sees(self._groups):
                     self._add_run(run)
                 else:
                     self._refuse(run, "its --see does not name the group of this bus (--group)")
@@ -249,7 +250,7 @@ class Presence:
     def _make_room(self) -> bool:
         """Forget a bridge that does not see this bus, or with tokens of endpoints but none of its own."""
         for key, run in self._runs.items():
-            if run.token is None or not read_run(run.run).sees(self._groups):
+            if run.token is None or not run.groups.sees(self._groups):
                 self._clear(run)
                 del self._runs[key]
                 return True
