@@ -1,5 +1,6 @@
 """Datagrams of RTPS, from any machine of a network."""
 
+from collections.abc import Iterable
 from contextlib import suppress
 from typing import Final
 
@@ -104,7 +105,7 @@ def announcements(data: bytes) -> None:
             assert sent == endpoint._replace(is_default_partition=True, representations=sent.representations)
 
 
-class _News:
+class News:
     """The receiver of a participant's news; each must be about an existing endpoint."""
 
     def __init__(self) -> None:
@@ -130,22 +131,33 @@ class _News:
         assert text.isprintable()
 
 
+class Deliveries:
+    """The samples that a reader delivers: those of each writer come in order."""
+
+    def __init__(self) -> None:
+        self._numbers: dict[bytes, int] = {}
+
+    def __call__(self, arrived: Arrived) -> None:
+        assert arrived.number > self._numbers.get(arrived.writer, 0)
+        self._numbers[arrived.writer] = arrived.number
+
+    def forget_all_but(self, matched: Iterable[bytes]) -> None:
+        """A writer that is matched again may count again."""
+        self._numbers = {guid: self._numbers[guid] for guid in matched if guid in self._numbers}
+
+
 def participant(data: bytes) -> None:
     """Submessages of two hostile participants: matches follow from their announcements, samples come in
     order, nothing grows beyond its limit, and nothing is left after they have gone."""
     script = Script(data)
-    news, got = _News(), dict[bytes, int]()
+    news, deliveries = News(), Deliveries()
     sent: list[int] = []
     settings = Settings(b"o" * 12, (("10.0.0.1", 7410),), (), bounds=_BOUNDS)
     made = Participant(settings, lambda _, datagram: sent.append(len(datagram)), news, lambda _: True)
 
-    def deliver(arrived: Arrived) -> None:
-        assert arrived.number > got.get(arrived.writer, 0)
-        got[arrived.writer] = arrived.number
-
     now_ns = 1
     made.start(now_ns)
-    reader = made.add_reader("t", "T", deliver, now_ns)
+    reader = made.add_reader("t", "T", deliveries, now_ns)
     writer = made.add_writer("t", "T", now_ns, keeping=Keeping(changes=3))
     while script:
         now_ns += script.byte() << script.byte() % 28
@@ -164,9 +176,7 @@ def participant(data: bytes) -> None:
             assert all(guid in news.there for guid in far.endpoints)
         assert set(reader.matched) | set(writer.matched) <= set(news.there)
         assert writer.writer is not None and writer.writer.kept <= 3
-        if not set(reader.matched) & set(got):
-            got.clear()  # a writer that is matched again may count again
-        got = {guid: number for guid, number in got.items() if guid in reader.matched}
+        deliveries.forget_all_but(reader.matched)
         assert sum(sent) < _MOST_SENT
         sent.clear()
     made.act(now_ns + 10**12)
@@ -174,7 +184,7 @@ def participant(data: bytes) -> None:
 
 
 def _said(script: Script, prefix: bytes, reader: bytes, writer: bytes) -> bytes:
-    """One submessage, rarely with a changed byte."""
+    """One submessage."""
     ours, theirs = script.choose((reader, UNKNOWN_ENTITY, PUBLICATIONS_READER)), writer_id(script.byte() % 3)
     count = script.byte()
     match script.byte() % 10:
@@ -212,8 +222,13 @@ def _said(script: Script, prefix: bytes, reader: bytes, writer: bytes) -> bytes:
             said = m.write_data(
                 UNKNOWN_ENTITY, script.choose((SPDP_WRITER, PUBLICATIONS_WRITER)), 1 + count, None, gone
             )
-    if script.byte() % 8 == 1:
-        changed = bytearray(said)
-        changed[script.byte() % len(changed)] = script.byte()
-        said = bytes(changed)
-    return said
+    return changed(said, script)
+
+
+def changed(said: bytes, script: Script) -> bytes:
+    """A submessage, rarely with a changed byte."""
+    if script.byte() % 8 != 1:
+        return said
+    wrong = bytearray(said)
+    wrong[script.byte() % len(wrong)] = script.byte()
+    return bytes(wrong)
