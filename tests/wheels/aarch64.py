@@ -4,6 +4,7 @@ Headers and the interpreter are from Debian's packages for arm64, unpacked into 
 environment. Nothing is installed on this machine.
 """
 
+import importlib.util
 import os
 import platform
 import shutil
@@ -14,6 +15,7 @@ from pathlib import Path
 
 from pythons import Python
 from wheels import Missing, Wrong, building, first_use
+from wheels.sources import ROOT
 
 __all__ = ["Machine", "build", "find_machine", "try_wheel"]
 
@@ -21,8 +23,11 @@ _COMPILER = "aarch64-linux-gnu-gcc"
 _EMULATOR = "qemu-aarch64"
 _PACKAGES = ("python3-minimal", "libpython3-stdlib", "libpython3-dev")
 _PROGRAM = Path(__file__).with_name("on_aarch64.py")
-_OLDEST_GLIBC = 17
-"""Minor number of the oldest glibc for aarch64, 2.17."""
+_EXTRAS = "[ros2,rmw-zenoh]"
+"""Those that a robot's computer needs."""
+_TEST_PACKAGES = ("hypothesis", "pytest", "pytest-asyncio", "pytest-timeout", "pyyaml", "numpy")
+_ENGINE_TESTS = "tests/unit/bus_bridge/rtps"
+"""cyclonedds has no wheel for aarch64, so there the bridge to ROS 2 runs on this engine."""
 
 
 class Machine:
@@ -79,9 +84,12 @@ def build(sdist: Path, machine: Machine, folder: Path) -> Path:
 
 
 def try_wheel(wheel: Path, native: Path, python: Python, machine: Machine, folder: Path) -> str:
-    """Use it on the emulated machine, where pip finds it by its tags: by itself, and with a process that has
-    `native` on this one. Returns what was seen. Raises Wrong."""
-    _install(wheel, machine, folder / "site")
+    """Use it on the emulated machine, where that machine's pip installs it with all that it needs.
+
+    By itself, with a process that has `native` on this one, and by the tests of the engine that bridges to
+    ROS 2. Returns what was seen. Raises Wrong.
+    """
+    _install(wheel, machine, folder)
     here = first_use.Environment(python, folder / "here")
     here.install(str(native))
     variables = {**here.variables, "PYTHONPATH": str(folder / "site")}
@@ -98,16 +106,29 @@ def try_wheel(wheel: Path, native: Path, python: Python, machine: Machine, folde
                 raise Wrong(f"beside aarch64, {_PROGRAM.name} {first} ended with {other.returncode}:\n{said}")
     finally:
         here.run("bus", "daemon", "stop")
-    return "".join(said)
+    return "".join([*said, _test_engine(machine, folder / "tree", variables)])
 
 
-def _install(wheel: Path, machine: Machine, site: Path) -> None:
-    glibc = int(machine.ask("import os; print(os.confstr('CS_GNU_LIBC_VERSION'))").rpartition(".")[2])
-    version = machine.python.name.removeprefix("python")
-    platforms = [f"--platform=manylinux_2_{minor}_aarch64" for minor in range(_OLDEST_GLIBC, glibc + 1)]
-    words = [sys.executable, "-m", "pip", "--disable-pip-version-check", "install", "-qq", "--no-compile"]
-    chosen = ["--target", str(site), "--only-binary=:all:", f"--python-version={version}", *platforms]
-    _run([*words, *chosen, str(wheel)], Wrong)
+def _install(wheel: Path, machine: Machine, folder: Path) -> None:
+    """Install it, its extras, and the packages of tests into `folder`/site, by pip on that machine."""
+    found = importlib.util.find_spec("pip")
+    assert found is not None and found.origin is not None
+    alone = folder / "pip"  # without the other packages of this environment
+    alone.mkdir(parents=True)
+    (alone / "pip").symlink_to(Path(found.origin).parent)
+    options = ("-qq", "--no-compile", "--only-binary=:all:", "--target", str(folder / "site"))
+    words = ["-m", "pip", "--disable-pip-version-check", "install", "--root-user-action=ignore", *options]
+    variables = {**os.environ, "LC_ALL": "C", "PYTHONPATH": str(alone)}
+    _run(machine.words(*words, f"{wheel}{_EXTRAS}", *_TEST_PACKAGES), Wrong, variables)
+
+
+def _test_engine(machine: Machine, tree: Path, variables: dict[str, str]) -> str:
+    """Run the engine's tests beside nothing but the installed packages; returns the result."""
+    shutil.copytree(ROOT / "tests", tree / "tests", ignore=shutil.ignore_patterns("__pycache__", "build"))
+    shutil.copy(ROOT / "pyproject.toml", tree)
+    words = ("-m", "pytest", "-q", "-p", "no:cacheprovider", str(tree / _ENGINE_TESTS))
+    said = _run(machine.words(*words), Wrong, variables)
+    return f"aarch64, {_ENGINE_TESTS}: {said.splitlines()[-1]}\n"
 
 
 def _unpack(folder: Path) -> None:
