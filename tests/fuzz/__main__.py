@@ -33,7 +33,15 @@ PROGRAMS = {
 }
 """Fuzzers for targets with code in C; only there the fuzzer sees the coverage."""
 
-LONGEST_BYTES = {"broker": 400, "client": 400, "reader": 400, "control": 2000, "ring": 512, "gates": 512}
+LONGEST_BYTES = {
+    "broker": 400,
+    "client": 400,
+    "reader": 400,
+    "discovery_servers": 400,
+    "control": 2000,
+    "ring": 512,
+    "gates": 512,
+}
 USUAL_LONGEST_BYTES = 1024
 TIMEOUT_S = 20
 """For one input: above this, it hangs."""
