@@ -10,9 +10,9 @@ from collections.abc import Hashable
 from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
-__all__ = ["PLACES", "Anteroom"]
+__all__ = ["MOST_WAITING", "Anteroom"]
 
-PLACES = 128
+MOST_WAITING = 128
 
 K = TypeVar("K")
 
@@ -41,7 +41,7 @@ class _User(Generic[K]):
 class Anteroom(Generic[K]):
     """`places`: their number. A connection is whatever the caller takes as its key."""
 
-    def __init__(self, places: int = PLACES) -> None:
+    def __init__(self, places: int = MOST_WAITING) -> None:
         self._places = places
         self._silent: dict[K, int] = {}  # since when
         self._owners: dict[K, tuple[_Process[K], Hashable]] = {}

@@ -35,7 +35,7 @@ from bus.wire.messages import (
 from bus.wire.outbox import Outbox
 from bus.wire.runs import Account
 from bus.wire.session import Carried, Role, Session
-from busd.core.anteroom import PLACES
+from busd.core.anteroom import MOST_WAITING
 from busd.core.limits import Limits
 from busd.core.turns import Party
 from busd.server.credentials import Credentials
@@ -195,7 +195,12 @@ class PeerConnection:
             if fault := find_fault(descriptor.fileno()):
                 raise RemoteProtocolError(f"{kind.__name__} with a bad descriptor: {fault}")
         # The kernel gives the lowest free number, so a high one shows how many there are.
-        room = resource.getrlimit(resource.RLIMIT_NOFILE)[0] - self._host.limits.connections - PLACES - _SPARE
+        room = (
+            resource.getrlimit(resource.RLIMIT_NOFILE)[0]
+            - self._host.limits.connections
+            - MOST_WAITING
+            - _SPARE
+        )
         return carried.descriptors if all(one.fileno() < room for one in carried.descriptors) else ()
 
     @property

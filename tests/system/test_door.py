@@ -15,7 +15,7 @@ from bus.errors import BrokerUnavailable
 from bus.link import query, reach
 from bus.wire import messages as m
 from bus_cli.query import Query
-from busd.core.anteroom import PLACES
+from busd.core.anteroom import MOST_WAITING
 from conftest import WAIT_S, Daemon
 from neighbours import resident_bytes, with_limits
 from raw_peer import HELLO, RawPeer
@@ -90,7 +90,7 @@ def test_silent_ones_take_no_place_inside_and_little_memory(daemon: Daemon) -> N
     with contextlib.ExitStack() as stack:
         peer = stack.enter_context(RawPeer(daemon.path)).hello()
         before = resident_bytes(daemon.pid)
-        silent = [stack.enter_context(RawPeer(daemon.path)) for _ in range(PLACES + 40)]
+        silent = [stack.enter_context(RawPeer(daemon.path)) for _ in range(MOST_WAITING + 40)]
         for guest in silent[:40]:
             assert "no place left" in guest.fault()
         answer = peer.ask(m.GetPeers(request=peer.request()))

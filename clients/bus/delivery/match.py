@@ -2,7 +2,7 @@
 
 Owns the two tables, and the data of one match: a Gate at the publisher's end, a Feed at the subscription's
 end (its half in the native reader is `struct feed`). `bus.delivery.shm_sender` and `shm_receiver` act on the
-states. (The broker's data of a match is in `busd.core.match`.)
+states. (The broker's states of a match are in `busd.core.match`, its data in `busd.core.entities`.)
 """
 
 from collections.abc import Mapping

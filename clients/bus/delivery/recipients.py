@@ -34,7 +34,7 @@ _GRACE_S = 0.1
 meanwhile."""
 
 
-class Patience(Enum):
+class Wait(Enum):
     """Time for which the publisher waits for a subscription after the broker was lost."""
 
     NONE = "none"
@@ -71,17 +71,17 @@ class Recipients:
         self._window = window
         self._first_unsent = first_unsent
         has_history = owner.qos.durability is Durability.TRANSIENT_LOCAL
-        self._most_patience = Patience.LONG if window is not None else Patience.SHORT
+        self._longest_wait = Wait.LONG if window is not None else Wait.SHORT
         if has_history or owner.qos.reliability is not Reliability.RELIABLE:
-            self._most_patience = Patience.NONE
+            self._longest_wait = Wait.NONE
         self._kept: RunQueue | None = None
         """Runs that were handed over and perhaps not taken yet."""
-        if self._most_patience is Patience.LONG:
+        if self._longest_wait is Wait.LONG:
             self._kept = RunQueue(0, Account(QUEUE_BYTES))
-        self._matches: dict[int, tuple[bytes, Patience]] = {}  # by the broker's number
+        self._matches: dict[int, tuple[bytes, Wait]] = {}  # by the broker's number
         self._places: dict[bytes, _Place] = {}  # by the gid of the subscription, the oldest first
         self._level = 0  # the broker's last credit; a place below it holds the window back
-        self.awaited: dict[bytes, Patience] = {}
+        self.awaited: dict[bytes, Wait] = {}
         """Subscriptions of an earlier broker, by gid: nothing new leaves before they are back."""
         self._wait: Timer | None = None  # for the awaited
         self._may_return = False  # matches of an earlier broker may be made again
@@ -129,11 +129,11 @@ class Recipients:
 
         `last_seq`: it was lost and is back, has taken all samples up to this number, and waits for the rest.
         """
-        patience = self._patience_for(qos)
+        wait = self._wait_after_loss(qos)
         was_lost = gid in self._places or self._is_matched(gid)
         if by_socket:
-            self._matches[other] = gid, patience
-        if patience is Patience.NONE:
+            self._matches[other] = gid, wait
+        if wait is Wait.NONE:
             return
         if last_seq is not None:
             if was_lost:
@@ -141,7 +141,7 @@ class Recipients:
             self._port.send_about(self._owner, m.CaughtUp(publisher=self._owner.id, subscription=other))
             self._level = min(self._level, last_seq)  # the broker's credit, too, continues from there
         place = self._places.pop(gid, None)
-        if gid in self.awaited and by_socket and patience is Patience.LONG and last_seq is None:
+        if gid in self.awaited and by_socket and wait is Wait.LONG and last_seq is None:
             self._repeat(other, 0)
             if place is not None:  # until the new broker gives credit, resent samples may not have arrived
                 self._level = min(self._level, place.seq)
@@ -157,11 +157,11 @@ class Recipients:
 
     def keep_place(self, other: int, keep_s: float) -> None:
         """Note a lost subscription, which may return within `keep_s`; 0: it will not."""
-        gid, patience = self._matches.pop(other, (b"", Patience.NONE))
+        gid, wait = self._matches.pop(other, (b"", Wait.NONE))
         if not keep_s:
             for gid in [gid for gid, place in self._places.items() if place.other == other]:
                 self._forget_place(gid, self._places[gid])
-        elif patience is Patience.LONG and not self._is_matched(gid):
+        elif wait is Wait.LONG and not self._is_matched(gid):
             place = self._places[gid] = _Place(self._level, other, None)
             place.timer = self._port.later(keep_s, self._time_is_up, gid, place)
             self._bound_places()
@@ -173,13 +173,13 @@ class Recipients:
         self._cancel_timers()
         self._may_return |= bool(self._matches or self._places)
         for gid, place in self._places.items():
-            self.awaited[gid] = Patience.LONG
+            self.awaited[gid] = Wait.LONG
             place.other = 0
             place.cancel()
-        for gid, patience in self._matches.values():
-            if patience is not Patience.NONE:
-                self.awaited[gid] = patience
-            if patience is Patience.LONG:
+        for gid, wait in self._matches.values():
+            if wait is not Wait.NONE:
+                self.awaited[gid] = wait
+            if wait is Wait.LONG:
                 self._places[gid] = _Place(self._level, 0, None)
         self._matches.clear()
         self._bound_places()
@@ -210,16 +210,16 @@ class Recipients:
 
     # --- inside
 
-    def _patience_for(self, qos: QoSProfile) -> Patience:
+    def _wait_after_loss(self, qos: QoSProfile) -> Wait:
         if qos.reliability is not Reliability.RELIABLE:
-            return Patience.NONE
-        if self._most_patience is Patience.LONG and not qos.is_lossless:
-            return Patience.SHORT
-        return self._most_patience
+            return Wait.NONE
+        if self._longest_wait is Wait.LONG and not qos.is_lossless:
+            return Wait.SHORT
+        return self._longest_wait
 
     def _is_matched(self, gid: bytes) -> bool:
         """Whether a lossless subscription with this gid is matched, perhaps by its last connection."""
-        return (gid, Patience.LONG) in self._matches.values()
+        return (gid, Wait.LONG) in self._matches.values()
 
     def _bound_places(self) -> None:
         while len(self._places) > MOST_PLACES:
@@ -251,7 +251,7 @@ class Recipients:
 
     def _wait_for_lossless(self) -> None:
         """Wait only for lossless subscriptions from now on: the others were away too long."""
-        self.awaited = {gid: one for gid, one in self.awaited.items() if one is Patience.LONG}
+        self.awaited = {gid: one for gid, one in self.awaited.items() if one is Wait.LONG}
         if self.awaited:
             self._wait = self._port.later(RETURN_S - _SHORT_RETURN_S, self.go_on)
         else:

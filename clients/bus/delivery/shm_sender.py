@@ -160,7 +160,10 @@ class Gates:
             self._here.add(gid)
 
     def remove(self, gid: bytes, *, is_lost: bool) -> None:
-        """Remove an ended match. `is_lost`: its reader may live, and read and pin until its process ends."""
+        """Remove an ended match: the publisher no longer waits for it. `forget_left` frees its slot.
+
+        `is_lost`: its reader may live, and read and pin until its process ends.
+        """
         gate = self.by_gid[gid]
         gate.on(GateEvent.LOSE if is_lost else GateEvent.UNMATCH)
         del self.by_gid[gid]

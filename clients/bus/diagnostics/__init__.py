@@ -2,7 +2,7 @@
 
 - `bursts.py`: messages were lost because a program published without a pause.
 - `slow_callback.py`: a callback has blocked the event loop.
-- `mismatch.py`: the reason why a publisher and a subscription don't match, in busd's words.
+- `mismatch.py`: for tools, the reason why a publisher and a subscription in the graph don't match.
 - `provoked.py`: limits for warnings that other processes can cause.
 
 Invariants:

@@ -1,4 +1,7 @@
-"""The reason why a publisher and a subscription of one topic don't match, in busd's words."""
+"""For tools: the reason why a publisher and a subscription of one topic don't match, found in the graph.
+
+The texts are those of `incompatibility` in `busd.core.matching`, which busd sends to the two endpoints.
+"""
 
 from collections.abc import Callable
 

@@ -7,7 +7,8 @@
     `bus.delivery` (samples), `bus.link` (declaration, requests)
 
 `core.py` is the base of both cores. `endpoint.py` has the methods that both kinds of endpoint offer to users.
-`matches.py`, `incompatible.py`, `deadline.py` and `acknowledging.py` each do one job of a core.
+`matches.py`, `incompatible.py`, `deadline.py`, `acknowledging.py`, `arrivals.py` and `liveliness.py` each do
+one job of a core.
 
 Invariants:
 
@@ -21,6 +22,7 @@ Invariants:
 
 Read first: `core.py`, then `subscription_core.py`.
 
-Tests: `tests/unit/bus/delivery/` (endpoints in one process), `tests/system/test_delivery.py`,
-`tests/system/test_events.py`, `tests/system/test_missed.py`, `tests/system/test_statistics.py`.
+Tests: `tests/unit/bus/endpoint/`, `tests/unit/bus/delivery/` (endpoints in one process),
+`tests/system/test_delivery.py`, `tests/system/test_events.py`, `tests/system/test_missed.py`,
+`tests/system/test_statistics.py`.
 """

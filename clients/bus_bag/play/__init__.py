@@ -3,9 +3,9 @@
     files -> `read_ahead.py` (a thread: reads, decodes) -> queue -> `player.py` -> publishers (`topics.py`)
                                         `time_line.py`: when is a message due? -^
 
-`selection.py` chooses topics, `qos.py` their QoS. `latched.py` has the messages that late joiners would have
-received. `requests.py` sends the requests of recorded calls. Commands: `keys.py`, `services.py`, `seek.py`.
-Waiting: `alarm.py`. `program.py` connects all parts.
+`selection.py` chooses topics, `qos.py` their QoS. `gaps.py` has the texts about long gaps. `latched.py` has
+the messages that late joiners would have received. `requests.py` sends the requests of recorded calls.
+Commands: `keys.py`, `services.py`, `seek.py`. Waiting: `alarm.py`. `program.py` connects all parts.
 
 Invariants:
 

@@ -220,7 +220,7 @@ class TestReroute:
 
 class TestKeepAll:
     @by_either
-    def test_there_is_room_until_there_is_none_and_then_as_much_as_is_taken(self, route: str) -> None:
+    def test_publish_returns_false_while_the_window_is_full(self, route: str) -> None:
         pair = Pair(route, KEEP_ALL)
         first = pair.publish(10_000, PADDING)
         assert 10 < first < 10_000

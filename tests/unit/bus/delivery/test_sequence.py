@@ -41,7 +41,7 @@ class Heard:
         self.tracker[number] = source
 
 
-def test_what_is_known_is_cut_off() -> None:
+def test_repeated_samples_are_cut_off() -> None:
     heard = Heard()
     assert heard.get(1, 3) == [1, 2, 3]
     assert heard.get(2, 4) == [4, 5]

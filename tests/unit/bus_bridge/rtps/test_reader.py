@@ -194,7 +194,7 @@ def test_old_and_repeated_heartbeats_are_ignored() -> None:
     assert world.taken() == []
 
 
-def test_fragments() -> None:
+def test_missing_fragments_are_requested_again() -> None:
     world = World()
     world.begin()
     payload = b"abcdefghij"

@@ -16,7 +16,7 @@ import pytest
 from bus.wire import messages as m
 from bus.wire.layout import PROTOCOL_VERSION
 from bus.wire.session import Role, Session
-from busd.core.anteroom import PLACES
+from busd.core.anteroom import MOST_WAITING
 from busd.server import admission as module
 from busd.server.admission import Admission
 from busd.server.credentials import Credentials
@@ -92,8 +92,8 @@ class Door:
 
     async def fill(self) -> list[socket.socket]:
         """Take all places."""
-        guests = [self.come() for _ in range(PLACES)]
-        await until(lambda: len(self.admission._anteroom) == PLACES)
+        guests = [self.come() for _ in range(MOST_WAITING)]
+        await until(lambda: len(self.admission._anteroom) == MOST_WAITING)
         return guests
 
 
@@ -216,7 +216,7 @@ class TestPlaces:
             for at in range(20):
                 door.come(HELLO)
                 await until(lambda at=at: len(door.host.inside) == at + 1)
-            assert len(door.admission._anteroom) == PLACES
+            assert len(door.admission._anteroom) == MOST_WAITING
             assert not door.host.failures
 
     async def test_the_oldest_silent_one_makes_room_and_is_told_to_try_again(self, door: Door) -> None:
@@ -224,7 +224,7 @@ class TestPlaces:
             guests = await door.fill()
             door.come()
             assert await fault(guests[0]) == m.Fault(text=NO_PLACE, again=True)
-            await until(lambda: len(door.admission._anteroom) == PLACES)
+            await until(lambda: len(door.admission._anteroom) == MOST_WAITING)
             assert door.host.failures == [True]
 
     async def test_not_one_whose_hello_is_there_and_was_not_read(
