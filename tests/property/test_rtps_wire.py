@@ -10,13 +10,13 @@ from bus_bridge.rtps import messages as m
 from bus_bridge.rtps.announcements import (
     EndpointData,
     EndpointKind,
-    Policies,
     read_endpoint,
     read_participant,
     write_endpoint,
 )
 from bus_bridge.rtps.ids import reader_id, writer_id
 from bus_bridge.rtps.parameters import FOREVER_NS, RtpsError, read_parameters, write_parameters
+from bus_bridge.rtps.policies import Policies
 from effort import examples
 
 PREFIX = bytes(range(1, 13))

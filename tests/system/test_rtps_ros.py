@@ -8,8 +8,9 @@ from zlib import crc32
 
 import pytest
 
-from bus_bridge.rtps.announcements import RELIABLE, EndpointData, ParticipantData
+from bus_bridge.rtps.announcements import EndpointData, ParticipantData
 from bus_bridge.rtps.ids import FAST_DDS
+from bus_bridge.rtps.policies import RELIABLE
 from bus_bridge.rtps.reader import Arrived
 from bus_bridge.rtps.running import RunningParticipant
 from conftest import SOON_S, WAIT_S

@@ -6,9 +6,9 @@ from typing import NamedTuple, Protocol
 
 from bus_bridge.batch import Batch
 from bus_bridge.dds.graph import NodeEntities
-from bus_bridge.dds.qos import Policies
 from bus_bridge.engine import EndpointKind, FarEndpoint, LocalEndpoint, Reader, Writer
 from bus_bridge.ros2.known_types import KnownType
+from bus_bridge.rtps.policies import Policies
 
 __all__ = ["Carrier", "Discovered", "Listener", "NodeTopic", "TopicReader", "TopicWriter"]
 

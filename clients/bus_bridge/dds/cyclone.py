@@ -14,11 +14,11 @@ from bus_bridge.dds.names import ENCLAVE, topic_to_dds, user_data, user_data_of
 from bus_bridge.dds.node_info import NodeInfo
 from bus_bridge.dds.options import DdsOptions
 from bus_bridge.dds.participant import Participant, policies_of, user_data_in
-from bus_bridge.dds.qos import Policies
 from bus_bridge.dds.reading import FarWay, Intake, Ways
 from bus_bridge.dds.writing import DdsWriter
 from bus_bridge.engine import EndpointKind, FarEndpoint, LocalEndpoint, Reader
 from bus_bridge.ros2.known_types import KnownType
+from bus_bridge.rtps.policies import Policies
 
 __all__ = ["CycloneCarrier"]
 

@@ -13,14 +13,14 @@ from bus_bridge.dds import raw
 from bus_bridge.dds.graph import GID_SIZE, NodeEntities, encode
 from bus_bridge.dds.names import GRAPH_TOPIC, GRAPH_TYPE_HASH, user_data
 from bus_bridge.dds.participant import Endpoint, Participant
-from bus_bridge.dds.qos import Policies
 from bus_bridge.ros2 import samples
 from bus_bridge.ros2.type_names import type_to_dds
+from bus_bridge.rtps.policies import TRANSIENT_LOCAL, Policies
 
 __all__ = ["NodeTopic", "NodeWriter", "info_type"]
 
-_POLICIES: Final = Policies(transient_local=True)
-_ALL: Final = Policies(transient_local=True, keep_all=True)
+_POLICIES: Final = Policies(durability=TRANSIENT_LOCAL)
+_ALL: Final = Policies(durability=TRANSIENT_LOCAL, keep_all=True)
 
 
 class NodeTopic:

@@ -11,9 +11,10 @@ from typing import Any, Final
 from bus_bridge.dds import raw
 from bus_bridge.dds.interfaces import LOOPBACK, address_of, check_interface, is_address
 from bus_bridge.dds.options import DdsOptions
-from bus_bridge.dds.qos import INFINITE, Policies
 from bus_bridge.errors import BridgeError
 from bus_bridge.extras import why_missing
+from bus_bridge.rtps.parameters import FOREVER_NS
+from bus_bridge.rtps.policies import MANUAL_BY_TOPIC, TRANSIENT_LOCAL, Policies
 
 __all__ = ["Participant", "configuration", "policies_of", "user_data_in"]
 
@@ -139,7 +140,7 @@ class Participant:
         if policies.transient_local:
             limit = -1
             more.append(policy.DurabilityService(0, self._history(policies), limit, limit, limit))
-        if policies.lifespan_ns < INFINITE:
+        if policies.lifespan_ns < FOREVER_NS:
             more.append(policy.Lifespan(policies.lifespan_ns))
         return self._make(
             self._writer_class, self._publisher, topic, idl_type, policies, (user_data, more), listener
@@ -276,13 +277,13 @@ def policies_of(qos: Any) -> Policies:
         depth = max(depth, getattr(service.history, "depth", 1))
     return Policies(
         reliable=said.get("Reliability") != Policy.Reliability.BestEffort,
-        transient_local=durability not in (None, Policy.Durability.Volatile),
+        durability=TRANSIENT_LOCAL * (durability not in (None, Policy.Durability.Volatile)),
         keep_all=history == Policy.History.KeepAll,
         depth=depth,
-        deadline_ns=getattr(deadline, "deadline", INFINITE),
-        lifespan_ns=getattr(lifespan, "lifespan", INFINITE),
-        manual=isinstance(liveliness, Policy.Liveliness.ManualByTopic),
-        lease_ns=getattr(liveliness, "lease_duration", INFINITE),
+        deadline_ns=getattr(deadline, "deadline", FOREVER_NS),
+        lifespan_ns=getattr(lifespan, "lifespan", FOREVER_NS),
+        liveliness=MANUAL_BY_TOPIC * isinstance(liveliness, Policy.Liveliness.ManualByTopic),
+        lease_ns=getattr(liveliness, "lease_duration", FOREVER_NS),
     )
 
 

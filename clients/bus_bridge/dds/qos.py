@@ -8,11 +8,11 @@ from typing import Final, NamedTuple
 
 from bus.errors import ConfigurationError
 from bus.qos import Durability, History, Liveliness, QoSProfile, Reliability
+from bus_bridge.rtps.parameters import FOREVER_NS
+from bus_bridge.rtps.policies import MANUAL_BY_TOPIC, TRANSIENT_LOCAL, Policies
 
 __all__ = [
     "DEPTH",
-    "INFINITE",
-    "Policies",
     "ReaderKind",
     "kinds_for",
     "of_publisher",
@@ -21,27 +21,11 @@ __all__ = [
     "strength",
 ]
 
-INFINITE: Final = 2**63 - 1
-"""DDS's infinite duration, in nanoseconds."""
 DEPTH: Final = 10
 """The depth of a far endpoint that does not report it. Discovery of Fast DDS leaves it out; then it looks
 like 1."""
 
 _NS_PER_S: Final = 1_000_000_000
-
-
-class Policies(NamedTuple):
-    """Policies of one reader or writer; durations are in nanoseconds."""
-
-    reliable: bool = True
-    transient_local: bool = False
-    keep_all: bool = False
-    depth: int = 1
-    deadline_ns: int = INFINITE
-    lifespan_ns: int = INFINITE
-    """Only for writers; readers have none."""
-    manual: bool = False
-    lease_ns: int = INFINITE
 
 
 def of_publisher(profile: QoSProfile, depth: int) -> Policies:
@@ -53,12 +37,12 @@ def of_publisher(profile: QoSProfile, depth: int) -> Policies:
     transient_local = profile.durability is Durability.TRANSIENT_LOCAL
     return Policies(
         reliable=profile.reliability is Reliability.RELIABLE,
-        transient_local=transient_local,
+        durability=TRANSIENT_LOCAL * transient_local,
         keep_all=profile.history is History.KEEP_ALL,
         depth=profile.depth if transient_local else max(profile.depth, depth),
-        deadline_ns=profile.deadline_ns or INFINITE,
-        lifespan_ns=profile.lifespan_ns or INFINITE,
-        lease_ns=profile.lease_ns or INFINITE,
+        deadline_ns=profile.deadline_ns or FOREVER_NS,
+        lifespan_ns=profile.lifespan_ns or FOREVER_NS,
+        lease_ns=profile.lease_ns or FOREVER_NS,
     )
 
 
@@ -90,12 +74,12 @@ def of_subscription(profile: QoSProfile, depth: int, kind: ReaderKind) -> Polici
     """The policies that a reader of that kind requests for a subscription of this bus."""
     return Policies(
         reliable=kind.reliable,
-        transient_local=kind.transient_local,
+        durability=TRANSIENT_LOCAL * kind.transient_local,
         keep_all=profile.is_lossless,
         depth=max(profile.depth, depth),
-        deadline_ns=profile.deadline_ns or INFINITE,
-        manual=profile.liveliness is Liveliness.MANUAL_BY_TOPIC,
-        lease_ns=profile.lease_ns or INFINITE,
+        deadline_ns=profile.deadline_ns or FOREVER_NS,
+        liveliness=MANUAL_BY_TOPIC * (profile.liveliness is Liveliness.MANUAL_BY_TOPIC),
+        lease_ns=profile.lease_ns or FOREVER_NS,
     )
 
 
@@ -121,7 +105,7 @@ def strength(policies: Policies) -> tuple[bool, bool, bool, int]:
 
 
 def _seconds(what: str, duration_ns: int) -> float | None:
-    if duration_ns >= INFINITE:
+    if duration_ns >= FOREVER_NS:
         return None
     if duration_ns <= 0:
         raise ConfigurationError(f"its {what} is {duration_ns} nanoseconds")

@@ -15,9 +15,10 @@ from bus.vocabulary import DropReason
 from bus_bridge.batch import Batch, Loose, Sample
 from bus_bridge.dds import raw
 from bus_bridge.dds.participant import Participant
-from bus_bridge.dds.qos import Policies, strength
+from bus_bridge.dds.qos import strength
 from bus_bridge.ros2.early import Arrived, Early
 from bus_bridge.ros2.known_types import KnownType
+from bus_bridge.rtps.policies import Policies
 from bus_ros.cdr import CdrError
 
 __all__ = ["TRANSITIONS", "FarWay", "Intake", "IntakeError", "IntakeEvent", "IntakeState", "Ways"]

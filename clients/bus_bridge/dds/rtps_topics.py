@@ -34,8 +34,9 @@ from bus_bridge.ros2.early import Early
 from bus_bridge.ros2.known_types import KnownType
 from bus_bridge.ros2.route_out import RouteOut
 from bus_bridge.ros2.type_names import type_to_dds
-from bus_bridge.rtps.announcements import EndpointData, ParticipantData, Policies
+from bus_bridge.rtps.announcements import EndpointData, ParticipantData
 from bus_bridge.rtps.ids import PARTICIPANT, PREFIX_BYTES
+from bus_bridge.rtps.policies import TRANSIENT_LOCAL, Policies
 from bus_bridge.rtps.reach import Reach
 from bus_bridge.rtps.reader import Arrived
 from bus_bridge.rtps.running import RunningParticipant
@@ -54,8 +55,7 @@ _EARLY_BYTES_OF_ALL: Final = 64 << 20
 _PATIENCE_S: Final = 10.0
 """Time for which messages of a writer wait for their route. Messages that it keeps for late joiners wait
 longer."""
-_MANUAL_BY_TOPIC: Final = 2
-_LATCHED: Final = Policies(durability=1)
+_LATCHED: Final = Policies(durability=TRANSIENT_LOCAL)
 
 _NumberedArrival = tuple[bytes, int, int]
 """A message in CDR, its number, and its time of publication."""
@@ -103,7 +103,7 @@ class RtpsCarrier:
         self,
         endpoint: LocalEndpoint,
         known: KnownType,
-        policies: qos.Policies,
+        policies: Policies,
         on_change: Callable[[], None],
         on_close: Callable[[TopicWriter], object],
     ) -> TopicWriter:
@@ -112,7 +112,7 @@ class RtpsCarrier:
         self._loop.call_soon(writer.update)
         return writer
 
-    def make_reader(self, endpoint: LocalEndpoint, known: KnownType, policies: qos.Policies) -> "_Reader":
+    def make_reader(self, endpoint: LocalEndpoint, known: KnownType, policies: Policies) -> "_Reader":
         reader = _Reader(self, topic_to_dds(endpoint.topic), known, policies, self._data(known))
         self._readers[reader.topic].append(reader)
         self.choose(reader.topic)
@@ -219,7 +219,7 @@ class RtpsCarrier:
                 endpoint.guid,
                 endpoint.topic,
                 endpoint.type_name,
-                _from_rtps(endpoint.policies),
+                endpoint.policies,
                 user_data_of(endpoint.user_data),
             )
         )
@@ -261,7 +261,7 @@ class _Writer(RouteOut):
         participant: RunningParticipant,
         topic: str,
         known: KnownType,
-        policies: qos.Policies,
+        policies: Policies,
         data: bytes,
         on_change: Callable[[], None],
         on_close: Callable[[RouteOut], object],
@@ -274,7 +274,7 @@ class _Writer(RouteOut):
         self._local = participant.add_writer(
             topic,
             type_to_dds(known.codec.type_name),
-            policies=_to_rtps(policies),
+            policies=policies,
             user_data=data,
             keeping=Keeping(changes, _KEPT_BYTES, for_late_joiners=policies.transient_local),
         )
@@ -318,7 +318,7 @@ class _Reader:
     """A reader for a subscription of this bus."""
 
     def __init__(
-        self, carrier: RtpsCarrier, topic: str, known: KnownType, policies: qos.Policies, data: bytes
+        self, carrier: RtpsCarrier, topic: str, known: KnownType, policies: Policies, data: bytes
     ) -> None:
         self.topic = topic
         self.policies = policies
@@ -331,7 +331,7 @@ class _Reader:
             topic,
             type_to_dds(known.codec.type_name),
             lambda one: carrier.arrived(self, one),
-            policies=_to_rtps(policies),
+            policies=policies,
             user_data=data,
         )
 
@@ -463,29 +463,3 @@ def _handle(gid: bytes) -> int:
 
 def _gid(handle: int) -> bytes:
     return handle.to_bytes(GID_SIZE, "big")
-
-
-def _to_rtps(policies: qos.Policies) -> Policies:
-    return Policies(
-        reliable=policies.reliable,
-        durability=int(policies.transient_local),
-        keep_all=policies.keep_all,
-        depth=policies.depth,
-        deadline_ns=policies.deadline_ns,
-        lifespan_ns=policies.lifespan_ns,
-        liveliness=_MANUAL_BY_TOPIC if policies.manual else 0,
-        lease_ns=policies.lease_ns,
-    )
-
-
-def _from_rtps(policies: Policies) -> qos.Policies:
-    return qos.Policies(
-        reliable=policies.reliable,
-        transient_local=policies.durability > 0,
-        keep_all=policies.keep_all,
-        depth=policies.depth,
-        deadline_ns=policies.deadline_ns,
-        lifespan_ns=policies.lifespan_ns,
-        manual=policies.liveliness == _MANUAL_BY_TOPIC,
-        lease_ns=policies.lease_ns,
-    )

@@ -5,9 +5,9 @@ from collections.abc import Callable
 from bus.vocabulary import DropReason
 from bus_bridge.dds import raw
 from bus_bridge.dds.participant import Participant
-from bus_bridge.dds.qos import Policies
 from bus_bridge.ros2.known_types import KnownType
 from bus_bridge.ros2.route_out import RouteOut
+from bus_bridge.rtps.policies import Policies
 
 __all__ = ["DdsWriter"]
 

@@ -1,6 +1,6 @@
 """RTPS, the protocol below DDS, in plain Python: what ROS 2's services need and no package offers.
 
-    datagrams <-> `messages.py` (`parameters.py`, `ids.py`);  discovery: `announcements.py`
+    datagrams <-> `messages.py` (`parameters.py`, `ids.py`);  discovery: `announcements.py`, `policies.py`
     samples <-> `writer.py` <-> `messages.py` <-> `reader.py` (`fragments.py`, `room.py`; states: `lives.py`)
 
     datagrams <-> `participant.py` (`local.py`, `far.py`, `own_announcements.py`, `outbox.py`) <-> its user
@@ -22,8 +22,8 @@ Invariants:
 Read first: `messages.py`, then `lives.py` and `writer.py`, then `participant.py`.
 
 Tests: `tests/unit/bus_bridge/rtps/`, `tests/property/test_rtps_wire.py`,
-`tests/property/test_rtps_reliability.py`; the fuzzers `datagrams`, `announcements` and `participant` of
-`tests/fuzz/rtps_targets.py`; with ROS 2's own rclpy `tests/system/test_rtps_ros.py`,
+`tests/property/test_rtps_reliability.py`; the fuzzers of `tests/fuzz/rtps_targets.py` and
+`tests/fuzz/discovery_targets.py`; with ROS 2's own rclpy `tests/system/test_rtps_ros.py`,
 `tests/system/test_bridge_discovery_server.py`, between
 machines `tests/system/test_rtps_network.py`.
 """

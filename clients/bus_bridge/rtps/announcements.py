@@ -36,13 +36,12 @@ from bus_bridge.rtps.parameters import (
     write_properties,
     write_text,
 )
+from bus_bridge.rtps.policies import RELIABLE, Policies, is_compatible
 
 __all__ = [
-    "RELIABLE",
     "EndpointData",
     "EndpointKind",
     "ParticipantData",
-    "Policies",
     "Related",
     "departed",
     "inline_qos",
@@ -82,25 +81,6 @@ _PARTICIPANT_TYPE, _DS_VERSION = "PARTICIPANT_TYPE", "DS_VERSION"
 """Names of Fast DDS's properties about Discovery Servers."""
 _SERVERS: Final = frozenset(("SERVER", "BACKUP"))
 _USED_DS_VERSION: Final = "2.0"
-
-
-class Policies(NamedTuple):
-    """QoS of a reader or writer, as far as matching needs it."""
-
-    reliable: bool = True
-    durability: int = 0
-    """0: volatile, 1: transient local; higher ones are not offered here."""
-    keep_all: bool = False
-    depth: int = 1
-    deadline_ns: int = FOREVER_NS
-    lifespan_ns: int = FOREVER_NS
-    liveliness: int = 0
-    """0: automatic, 1: manual by participant, 2: manual by topic."""
-    lease_ns: int = FOREVER_NS
-
-
-RELIABLE: Final = Policies()
-"""Reliable, volatile."""
 
 
 class Related(NamedTuple):
@@ -279,15 +259,10 @@ def is_match(ours: EndpointData, far: EndpointData) -> bool:
     if ours.kind == far.kind or (ours.topic, ours.type_name) != (far.topic, far.type_name):
         return False
     reader, writer = (ours, far) if ours.kind == "reader" else (far, ours)
-    asked, offered = reader.policies, writer.policies
     return (
         far.is_default_partition
         and _XCDR1 in far.representations
-        and offered.reliable >= asked.reliable
-        and offered.durability >= asked.durability
-        and offered.deadline_ns <= asked.deadline_ns
-        and offered.liveliness >= asked.liveliness
-        and offered.lease_ns <= asked.lease_ns
+        and is_compatible(writer.policies, reader.policies)
     )
 
 

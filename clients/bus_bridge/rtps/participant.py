@@ -17,11 +17,9 @@ from itertools import count
 from typing import Final, Protocol
 
 from bus_bridge.rtps.announcements import (
-    RELIABLE,
     EndpointData,
     EndpointKind,
     ParticipantData,
-    Policies,
     departed,
     is_match,
     read_endpoint,
@@ -56,6 +54,7 @@ from bus_bridge.rtps.messages import (
 from bus_bridge.rtps.outbox import Outbox
 from bus_bridge.rtps.own_announcements import OwnAnnouncements, Settings
 from bus_bridge.rtps.parameters import Address, RtpsError
+from bus_bridge.rtps.policies import RELIABLE, Policies
 from bus_bridge.rtps.reader import Arrived, Reader
 from bus_bridge.rtps.writer import USUAL, Keeping, Writer
 

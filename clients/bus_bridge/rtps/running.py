@@ -6,13 +6,14 @@ import time
 from collections.abc import Callable
 from typing import Final
 
-from bus_bridge.rtps.announcements import RELIABLE, EndpointData, Policies
+from bus_bridge.rtps.announcements import EndpointData
 from bus_bridge.rtps.client import ClientParticipant
 from bus_bridge.rtps.far import USUAL_BOUNDS, Bounds
 from bus_bridge.rtps.ids import OUR_VENDOR, PREFIX_BYTES
 from bus_bridge.rtps.local import Local
 from bus_bridge.rtps.own_announcements import Settings
 from bus_bridge.rtps.participant import Events, Participant
+from bus_bridge.rtps.policies import RELIABLE, Policies
 from bus_bridge.rtps.reach import Reach
 from bus_bridge.rtps.reader import Arrived
 from bus_bridge.rtps.sockets import Sockets

@@ -10,9 +10,9 @@ from bus_bridge.dds.carrier import Discovered
 from bus_bridge.dds.discovery import Discovery
 from bus_bridge.dds.graph import Added, announcer_of
 from bus_bridge.dds.names import MARK
-from bus_bridge.dds.qos import Policies
 from bus_bridge.engine import FarNode
 from bus_bridge.errors import BridgeError
+from bus_bridge.rtps.policies import Policies
 
 _numbers = itertools.count(1)
 

@@ -5,8 +5,6 @@ import pytest
 from bus.errors import ConfigurationError
 from bus.qos import PRESETS, Durability, History, Liveliness, QoSProfile, Reliability
 from bus_bridge.dds.qos import (
-    INFINITE,
-    Policies,
     ReaderKind,
     kinds_for,
     of_publisher,
@@ -14,6 +12,7 @@ from bus_bridge.dds.qos import (
     profile_of,
     strength,
 )
+from bus_bridge.rtps.policies import MANUAL_BY_TOPIC, TRANSIENT_LOCAL, Policies
 from rows import for_each
 
 _BEST_EFFORT = QoSProfile(5, reliability=Reliability.BEST_EFFORT)
@@ -29,7 +28,7 @@ _TIMES: dict[str, Any] = {"deadline_ns": 500_000_000, "lease_ns": 1_500_000_000}
         (QoSProfile(10), Policies(depth=1000)),
         (QoSProfile(5000), Policies(depth=5000)),
         (_BEST_EFFORT, Policies(reliable=False, depth=1000)),
-        (_LATCHED, Policies(transient_local=True, depth=3)),
+        (_LATCHED, Policies(durability=TRANSIENT_LOCAL, depth=3)),
         (_LOSSLESS, Policies(keep_all=True, depth=1000)),
         (_TIMED, Policies(depth=1000, lifespan_ns=2_000_000_000, **_TIMES)),
         (QoSProfile(liveliness=Liveliness.MANUAL_BY_TOPIC), Policies(depth=1000)),
@@ -74,7 +73,7 @@ def test_which_readers_a_subscription_needs(
     [
         (QoSProfile(10), _PLAIN, Policies(depth=1000)),
         (_BEST_EFFORT, _PLAIN_BE, Policies(reliable=False, depth=1000)),
-        (_LATCHED, _KEPT, Policies(transient_local=True, depth=1000)),
+        (_LATCHED, _KEPT, Policies(durability=TRANSIENT_LOCAL, depth=1000)),
         (_LOSSLESS, _PLAIN, Policies(keep_all=True, depth=1000)),
         (
             QoSProfile(history=History.KEEP_ALL, reliability=Reliability.BEST_EFFORT),
@@ -82,7 +81,11 @@ def test_which_readers_a_subscription_needs(
             Policies(False, depth=1000),
         ),
         (_TIMED, _PLAIN, Policies(depth=1000, **_TIMES)),
-        (QoSProfile(liveliness=Liveliness.MANUAL_BY_TOPIC), _PLAIN, Policies(depth=1000, manual=True)),
+        (
+            QoSProfile(liveliness=Liveliness.MANUAL_BY_TOPIC),
+            _PLAIN,
+            Policies(depth=1000, liveliness=MANUAL_BY_TOPIC),
+        ),
     ],
 )
 def test_what_a_reader_requests(profile: QoSProfile, kind: ReaderKind, requested: Policies) -> None:
@@ -96,11 +99,11 @@ def test_what_a_reader_requests(profile: QoSProfile, kind: ReaderKind, requested
         (Policies(depth=7), QoSProfile(7)),
         (Policies(keep_all=True), QoSProfile(0, history=History.KEEP_ALL)),
         (
-            Policies(reliable=False, transient_local=True),
+            Policies(reliable=False, durability=TRANSIENT_LOCAL),
             QoSProfile(10, reliability=Reliability.BEST_EFFORT, durability=Durability.TRANSIENT_LOCAL),
         ),
         (Policies(lifespan_ns=2_000_000_000, **_TIMES), _TIMED),
-        (Policies(manual=True), QoSProfile(liveliness=Liveliness.MANUAL_BY_TOPIC)),
+        (Policies(liveliness=MANUAL_BY_TOPIC), QoSProfile(liveliness=Liveliness.MANUAL_BY_TOPIC)),
     ],
 )
 def test_the_profile_of_a_far_endpoint(policies: Policies, profile: QoSProfile) -> None:
@@ -123,8 +126,7 @@ def test_the_strongest_reader_gets_most() -> None:
         Policies(reliable=False, depth=5),
         Policies(reliable=True, depth=1),
         Policies(reliable=True, keep_all=True),
-        Policies(reliable=False, transient_local=True),
-        Policies(reliable=True, transient_local=True),
+        Policies(reliable=False, durability=TRANSIENT_LOCAL),
+        Policies(reliable=True, durability=TRANSIENT_LOCAL),
     ]
     assert sorted([*ranked[2:], *ranked[:2]], key=strength) == ranked
-    assert INFINITE == 2**63 - 1

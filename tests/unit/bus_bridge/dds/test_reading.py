@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 
 from bus_bridge.dds import raw
-from bus_bridge.dds.qos import Policies
 from bus_bridge.dds.reading import TRANSITIONS, Intake, IntakeError, Ways
 from bus_bridge.dds.reading import IntakeEvent as Event
 from bus_bridge.dds.reading import IntakeState as State
+from bus_bridge.rtps.policies import Policies
 from transitions import paths
 
 

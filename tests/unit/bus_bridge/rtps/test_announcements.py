@@ -8,7 +8,6 @@ from bus_bridge.rtps.announcements import (
     EndpointData,
     EndpointKind,
     ParticipantData,
-    Policies,
     departed,
     inline_qos,
     is_match,
@@ -27,6 +26,7 @@ from bus_bridge.rtps.parameters import (
     write_parameters,
     write_text,
 )
+from bus_bridge.rtps.policies import Policies
 from rows import for_each
 
 PREFIX, OTHER = b"p" * 12, b"o" * 12

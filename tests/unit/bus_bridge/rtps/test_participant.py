@@ -4,7 +4,6 @@ import pytest
 
 from bus_bridge.rtps import messages as m
 from bus_bridge.rtps.announcements import (
-    RELIABLE,
     EndpointData,
     ParticipantData,
     write_endpoint,
@@ -23,6 +22,7 @@ from bus_bridge.rtps.ids import (
 )
 from bus_bridge.rtps.local import Local
 from bus_bridge.rtps.parameters import write_parameters
+from bus_bridge.rtps.policies import RELIABLE
 from bus_bridge.rtps.reader import Arrived
 from rtps_world import Machine, Network, S
 
