@@ -143,9 +143,9 @@ def _plan_rmw_zenoh(table: Ros2Table) -> tuple[_MakeEngine, list[str]]:
     if why := why_no_rmw_zenoh():
         raise BridgeError(why)
     from bus_bridge.rmw_zenoh.engine import RmwZenohEngine
-    from bus_bridge.rmw_zenoh.options import ROUTER, RmwZenohOptions, check
+    from bus_bridge.rmw_zenoh.options import RmwZenohOptions, addresses_to_connect, check
 
-    connect = table.connect or (() if table.listen or table.router else (ROUTER,))
+    connect = addresses_to_connect(table.connect, table.listen, table.router)
     options = RmwZenohOptions(_links(table.listen, connect, table, table.router), table.domain_id)
     check(options)
     places = [f"in ROS 2's domain {options.domain} on zenoh"]

@@ -7,9 +7,9 @@ from bus_bridge.ros2.domain import MAX_DOMAIN, chosen_domain
 from bus_bridge.zenoh.options import ZenohOptions
 from bus_bridge.zenoh.options import check as check_links
 
-__all__ = ["ROUTER", "RmwZenohOptions", "check"]
+__all__ = ["RmwZenohOptions", "addresses_to_connect", "check"]
 
-ROUTER = "tcp/localhost:7447"
+_ROUTER = "tcp/localhost:7447"
 """The address of the router that programs of ROS 2 use if nothing else is set."""
 
 
@@ -26,6 +26,13 @@ class RmwZenohOptions(msgspec.Struct, frozen=True):
     def domain(self) -> int:
         """The domain to use. Raises BridgeError if $ROS_DOMAIN_ID is not a number."""
         return chosen_domain(self.domain_id)
+
+
+def addresses_to_connect(
+    connect: tuple[str, ...], listen: tuple[str, ...], router: tuple[str, ...]
+) -> tuple[str, ...]:
+    """The addresses to connect to with these settings; without any, the router of this machine."""
+    return connect or (() if listen or router else (_ROUTER,))
 
 
 def check(options: RmwZenohOptions) -> list[str]:

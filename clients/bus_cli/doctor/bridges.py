@@ -1,16 +1,18 @@
-"""Bridges to other machines and to ROS 2: packages, tables of busd.toml, ports, receive buffers."""
+"""Bridges to other machines and to ROS 2: packages, tables of busd.toml, ports, a router, receive buffers."""
 
 import errno
+import os
 import socket
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 
 from bus.errors import BusError
 from bus.graph import Graph
 from bus_bridge.config import TABLES, load
 from bus_bridge.core.status import SERVICE_TYPE
-from bus_bridge.extras import EXTRAS, why_missing
-from bus_bridge.options import BridgeTable, ZenohTable
+from bus_bridge.extras import EXTRAS, why_missing, why_no_rmw_zenoh
+from bus_bridge.options import BridgeTable, Ros2Table, ZenohTable
+from bus_bridge.rmw_zenoh.options import addresses_to_connect
 from bus_bridge.zenoh.options import Address, parse_address
 from bus_cli.doctor import procfs
 from bus_cli.doctor.finding import Finding, fail, ok, warn
@@ -18,6 +20,8 @@ from bus_cli.main import version
 
 __all__ = ["engines_with_bridges", "examine"]
 
+_RMW_ZENOH = "rmw_zenoh"
+_CONNECT_S = 1.0
 _BUFFERS = Path("/proc/sys/net/core")
 _WANTED_BYTES = 4 << 20
 """With the kernel's 208 KiB, most images of 900 KB were lost on the way to ROS 2, with this size none."""
@@ -26,16 +30,21 @@ _WANTED_BYTES = 4 << 20
 def engines_with_bridges(graph: Graph) -> set[str]:
     """Engines with a running bridge on this bus."""
     found = (name for name, types in graph.services().items() if SERVICE_TYPE in types)
-    return {engine for name in found for engine in TABLES if f"/bridge_{engine}" in name}
+    return {engine for name in found for engine in (*TABLES, _RMW_ZENOH) if f"/bridge_{engine}" in name}
 
 
-def examine(file: Path | None, running: Collection[str] = ()) -> Iterator[Finding]:
+def examine(
+    file: Path | None, running: Collection[str] = (), environment: Mapping[str, str] = os.environ
+) -> Iterator[Finding]:
     """Findings about bridges. `file`: busd's configuration; `running`: engines with a bridge on this bus."""
     for engine, kind in TABLES.items():
         try:
             table = load(file, kind) if file is not None else kind()
         except BusError as error:
             yield fail("bridges", str(error), "correct it: no such bridge starts with it")
+            continue
+        if isinstance(table, Ros2Table) and table.rmw == "zenoh":
+            yield from _rmw_zenoh(table, is_running=_RMW_ZENOH in running)
             continue
         is_wanted = table != kind()
         if why := why_missing(engine):
@@ -48,12 +57,40 @@ def examine(file: Path | None, running: Collection[str] = ()) -> Iterator[Findin
             yield ok("bridges", f"{extra.distribution} {version(extra.distribution)}")
         yield from _ports(table, is_running=engine in running)
         if engine == "ros2":
+            if environment.get("RMW_IMPLEMENTATION") == "rmw_zenoh_cpp" and _RMW_ZENOH not in running:
+                text = "ROS 2's nodes use zenoh here (RMW_IMPLEMENTATION)"
+                yield warn(
+                    "bridges", f"{text}: a bridge by DDS does not find them", "bus bridge ros2 --rmw zenoh"
+                )
             yield _receive_buffers()
+
+
+def _rmw_zenoh(table: Ros2Table, *, is_running: bool) -> Iterator[Finding]:
+    """Findings about a bridge to ROS 2 on zenoh, which needs a router, as ROS 2's own nodes do."""
+    if why := why_no_rmw_zenoh():
+        text, _, advice = why.partition(": ")
+        yield warn("bridges", text, advice)
+        return
+    yield ok("bridges", f"eclipse-zenoh {version('eclipse-zenoh')}, xxhash {version('xxhash')}")
+    yield from _ports(table, is_running=is_running)
+    for text in addresses_to_connect(table.connect, table.listen, table.router):
+        address = parse_address(text)  # `load` has checked it
+        if address.protocol == "tcp" and address.host == "localhost":
+            yield _router(text, address)
+
+
+def _router(text: str, address: Address) -> Finding:
+    try:
+        socket.create_connection((address.host, address.port), _CONNECT_S).close()
+    except OSError:
+        missing = f"no router at {text}: nodes of ROS 2 on zenoh find each other by it"
+        return warn("bridges", missing, "ros2 run rmw_zenoh_cpp rmw_zenohd")
+    return ok("bridges", f"a router answers at {text}")
 
 
 def _ports(table: BridgeTable, *, is_running: bool) -> Iterator[Finding]:
     """Whether a bridge could listen on the addresses in the table."""
-    for text in table.listen if isinstance(table, ZenohTable) else ():
+    for text in table.listen if isinstance(table, ZenohTable | Ros2Table) else ():
         try:
             fault = _find_fault(parse_address(text))
         except BusError as error:

@@ -3,10 +3,10 @@
 import pytest
 
 from bus_bridge.errors import BridgeError
-from bus_bridge.rmw_zenoh.options import ROUTER, RmwZenohOptions, check
+from bus_bridge.rmw_zenoh.options import RmwZenohOptions, addresses_to_connect, check
 from bus_bridge.zenoh.options import ZenohOptions
 
-LOCAL = ZenohOptions(connect=(ROUTER,))
+LOCAL = ZenohOptions(connect=addresses_to_connect((), (), ()))
 
 
 def test_the_router_of_this_machine_needs_no_certificates() -> None:
@@ -30,3 +30,10 @@ def test_a_domain_out_of_range() -> None:
 def test_unprotected_addresses_are_refused() -> None:
     with pytest.raises(BridgeError, match="is not protected"):
         check(RmwZenohOptions(ZenohOptions(connect=("tcp/10.0.0.2:7447",)), 0))
+
+
+def test_the_router_of_this_machine_is_used_if_nothing_is_said() -> None:
+    assert addresses_to_connect((), (), ()) == ("tcp/localhost:7447",)
+    assert addresses_to_connect(("tcp/[::1]:1",), (), ()) == ("tcp/[::1]:1",)
+    assert addresses_to_connect((), ("tcp/127.0.0.1:0",), ()) == ()
+    assert addresses_to_connect((), (), ("tcp/10.0.0.1:7447",)) == ()

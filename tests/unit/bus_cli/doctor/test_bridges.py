@@ -1,4 +1,4 @@
-"""bus_cli.doctor.bridges: packages, tables of busd.toml, ports, receive buffers."""
+"""bus_cli.doctor.bridges: packages, tables of busd.toml, ports, a router, receive buffers."""
 
 import socket
 from collections.abc import Iterator
@@ -20,7 +20,7 @@ def file(tmp_path: Path) -> Path:
 @pytest.fixture
 def installed(monkeypatch: pytest.MonkeyPatch) -> set[str]:
     """The modules of installed extras. A test may change the set."""
-    found = {extra.module for extra in extras.EXTRAS.values()}
+    found = {"xxhash", *(extra.module for extra in extras.EXTRAS.values())}
     monkeypatch.setattr(extras, "find_spec", lambda name: object() if name in found else None)
     monkeypatch.setattr(bridges, "version", lambda name: "1.2.3")
     return found
@@ -122,3 +122,48 @@ def test_receive_buffers_as_kernels_have_them(installed: set[str], buffers: Path
     (buffers / "rmem_default").unlink()
     (buffers / "rmem_max").unlink()
     assert [*bridges.examine(None)][-1] == Finding("ok", "receive buffers", "not visible here")
+
+
+ON_ZENOH = "[bridge.ros2]\nrmw = 'zenoh'\n"
+
+
+def of_ros2(file: Path) -> list[Finding]:
+    """The findings after those of zenoh's bridge."""
+    return [*bridges.examine(file)][1:]
+
+
+def test_packages_for_ros_2_on_zenoh(installed: set[str], file: Path) -> None:
+    installed.discard("xxhash")
+    file.write_text(ON_ZENOH)
+    assert of_ros2(file) == [
+        Finding("warn", "bridges", "a bridge to ROS 2 on zenoh needs xxhash", "pip install 'xxhash>=3,<5'")
+    ]
+
+
+def test_the_router_of_ros_2_on_zenoh(installed: set[str], file: Path, taken: int) -> None:
+    place = f"tcp/localhost:{taken}"
+    file.write_text(f"{ON_ZENOH}connect = '{place}'")
+    packages = Finding("ok", "bridges", "eclipse-zenoh 1.2.3, xxhash 1.2.3")
+    assert of_ros2(file) == [packages, Finding("ok", "bridges", f"a router answers at {place}")]
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))  # and does not listen
+        place = f"tcp/localhost:{other.getsockname()[1]}"
+        file.write_text(f"{ON_ZENOH}connect = '{place}'")
+        text = f"no router at {place}: nodes of ROS 2 on zenoh find each other by it"
+        assert of_ros2(file)[1] == Finding("warn", "bridges", text, "ros2 run rmw_zenoh_cpp rmw_zenohd")
+
+
+def test_other_addresses_of_ros_2_on_zenoh(installed: set[str], file: Path, taken: int) -> None:
+    file.write_text(f"{ON_ZENOH}connect = 'tcp/192.0.2.1:7447'\ninsecure = true")
+    assert len(of_ros2(file)) == 1  # another machine is not asked
+    place = f"tcp/127.0.0.1:{taken}"
+    file.write_text(f"{ON_ZENOH}listen = '{place}'")
+    assert of_ros2(file)[1].text == f"{place} is in use by another program"
+
+
+@for_each(("running", "marks"), [((), ["warn"]), (("ros2",), ["warn"]), (("rmw_zenoh",), [])])
+def test_nodes_of_this_shell_use_zenoh(
+    installed: set[str], buffers: Path, running: tuple[str, ...], marks: list[str]
+) -> None:
+    found = bridges.examine(None, running, {"RMW_IMPLEMENTATION": "rmw_zenoh_cpp"})
+    assert [one.mark for one in found if "RMW_IMPLEMENTATION" in one.text] == marks
