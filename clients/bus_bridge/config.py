@@ -10,13 +10,12 @@ from msgspec import structs
 from bus.errors import BusError, ConfigurationError
 from bus.process.tables import check_keys, each_of, filled, read_file
 from bus.topic_patterns import compiled
-from bus_bridge.core.bus_id import checked_id
 from bus_bridge.core.naming import Naming
 from bus_bridge.core.qos_rule import QosRule
 from bus_bridge.core.rules import TopicRule
 from bus_bridge.dds.options import checked_interface, checked_peer, parse_server
+from bus_bridge.labels import checked_group, checked_id
 from bus_bridge.options import BridgeTable, Ros2Table, TlsTable, ZenohTable
-from bus_bridge.zenoh.groups import checked_group
 from bus_bridge.zenoh.options import parse_address
 
 __all__ = ["TABLES", "check_values", "load", "merged"]

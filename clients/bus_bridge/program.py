@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Final
 from bus.graph import Origin
 from bus.node import Node
 from bus_bridge.core.bridge import Bridge, BridgeOptions
-from bus_bridge.core.bus_id import checked_id, find_bus_id
+from bus_bridge.core.bus_id import find_bus_id
 from bus_bridge.engine import Engine
 from bus_bridge.errors import BridgeError
 from bus_bridge.extras import why_no_rmw_zenoh
+from bus_bridge.labels import checked_id
 from bus_bridge.options import BridgeTable, Ros2Table, ZenohTable
 from bus_bridge.reloading import Reloading, Source, rules_of
 from bus_bridge.ros2.domain import chosen_domain

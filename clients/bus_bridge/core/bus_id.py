@@ -11,14 +11,10 @@ import uuid
 from hashlib import sha256
 from pathlib import Path
 
-from bus.errors import ConfigurationError
+__all__ = ["find_bus_id", "make_id"]
 
-__all__ = ["MAX_LENGTH", "checked_id", "find_bus_id", "make_id"]
-
-MAX_LENGTH = 64
 _MAX_HOST = 40
 _BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
-_RIGHT = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 
 
 def make_id(host: str, boot: str, device: int, inode: int, socket_name: str) -> str:
@@ -43,13 +39,3 @@ def find_bus_id(path: str) -> str:
     except OSError:  # not on Linux
         boot = f"{uuid.getnode():x}"
     return make_id(socket.gethostname(), boot, status.st_dev, status.st_ino, name)
-
-
-def checked_id(text: str) -> str:
-    """Check an id chosen by the user and return it. Raises ConfigurationError if it is not valid."""
-    if len(text) > MAX_LENGTH or not _RIGHT.fullmatch(text):
-        raise ConfigurationError(
-            "the id of a bus has letters, digits, '-', '_' and '.', begins with a letter or digit, and has "
-            f"at most {MAX_LENGTH} characters; it is {text[: MAX_LENGTH + 1]!r}"
-        )
-    return text

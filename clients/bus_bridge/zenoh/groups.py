@@ -10,18 +10,13 @@ of the groups that it sees, and others are not sent to it:
     <id>                                        in no group, and sees all
 """
 
-import re
 from typing import Final, NamedTuple
 
-from bus.errors import ConfigurationError
-
-__all__ = ["MOST_SEEN", "Groups", "checked_group", "own_part", "read_run", "write_run"]
+__all__ = ["MOST_SEEN", "Groups", "own_part", "read_run", "write_run"]
 
 MOST_SEEN: Final = 16
-_MAX_LENGTH: Final = 64
 _MARK: Final = "~"
 """No group has it in its name, and it needs no encoding in a key."""
-_RIGHT: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 
 
 class Groups(NamedTuple):
@@ -55,13 +50,3 @@ def read_run(run: str) -> Groups:
 def own_part(run: str) -> str:
     """The part of a run that has nothing to do with groups."""
     return run.rpartition(_MARK * 2)[2]
-
-
-def checked_group(text: str) -> str:
-    """Check the name of a group and return it. Raises ConfigurationError if it is not valid."""
-    if len(text) > _MAX_LENGTH or not _RIGHT.fullmatch(text):
-        raise ConfigurationError(
-            "the name of a group has letters, digits, '-', '_' and '.', begins with a letter or digit, and "
-            f"has at most {_MAX_LENGTH} characters; it is {text[: _MAX_LENGTH + 1]!r}"
-        )
-    return text
