@@ -1,6 +1,6 @@
 """Datagrams of RTPS, from any machine of a network."""
 
-from collections.abc import Iterable
+from collections.abc import Callable
 from contextlib import suppress
 from typing import Final
 
@@ -28,7 +28,7 @@ from bus_bridge.rtps.ids import (
     writer_id,
 )
 from bus_bridge.rtps.own_announcements import Settings
-from bus_bridge.rtps.parameters import RtpsError
+from bus_bridge.rtps.parameters import Address, RtpsError
 from bus_bridge.rtps.participant import Participant
 from bus_bridge.rtps.reader import Arrived
 from bus_bridge.rtps.writer import Keeping
@@ -40,6 +40,7 @@ _BOUNDS: Final = Bounds(participants=1, endpoints=3, room_bytes=3000)
 _MOST_WRITTEN: Final = 1 << 20
 _MOST_SENT: Final = 20_000
 """Bytes in answer to one datagram."""
+_LONG_NS: Final = 1_000_000_000_000
 
 
 def datagrams(data: bytes) -> None:
@@ -105,7 +106,7 @@ def announcements(data: bytes) -> None:
             assert sent == endpoint._replace(is_default_partition=True, representations=sent.representations)
 
 
-class News:
+class _News:
     """The receiver of a participant's news; each must be about an existing endpoint."""
 
     def __init__(self) -> None:
@@ -131,56 +132,77 @@ class News:
         assert text.isprintable()
 
 
-class Deliveries:
-    """The samples that a reader delivers: those of each writer come in order."""
+class Watched:
+    """A participant, with a reader and a writer of one topic, and what holds of it at any time."""
 
-    def __init__(self) -> None:
+    def __init__(self, kind: type[Participant], settings: Settings) -> None:
+        self._bounds = settings.bounds
+        self._news = _News()
         self._numbers: dict[bytes, int] = {}
+        """Of the newest samples, by writer."""
+        self._sent = 0
+        self.now_ns = 1
+        self.participant = kind(settings, self._transmit, self._news, lambda _: True)
+        self.participant.start(self.now_ns)
+        self.reader = self.participant.add_reader("t", "T", self._deliver, self.now_ns)
+        self.writer = self.participant.add_writer("t", "T", self.now_ns, keeping=Keeping(changes=3))
 
-    def __call__(self, arrived: Arrived) -> None:
-        assert arrived.number > self._numbers.get(arrived.writer, 0)
+    def _transmit(self, _: Address, datagram: bytes) -> None:
+        self._sent += len(datagram)
+
+    def _deliver(self, arrived: Arrived) -> None:
+        assert arrived.number > self._numbers.get(arrived.writer, 0), "samples come once, and in order"
         self._numbers[arrived.writer] = arrived.number
 
-    def forget_all_but(self, matched: Iterable[bytes]) -> None:
-        """A writer that is matched again may count again."""
-        self._numbers = {guid: self._numbers[guid] for guid in matched if guid in self._numbers}
+    def step(self, script: Script, say: Callable[[], tuple[bytes, Address]]) -> None:
+        """Time passes, a sample is written, or a datagram arrives that `say` makes. Then check everything."""
+        self.now_ns += script.byte() << script.byte() % 28
+        match script.byte() % 16:
+            case 0:
+                self.participant.act(self.now_ns)
+            case 1:
+                self.participant.write(self.writer, bytes(script.byte()), self.now_ns, self.now_ns)
+            case _:
+                self.participant.receive(*say(), self.now_ns)
+        self._check()
+
+    def _check(self) -> None:
+        there, matched = self._news.there, {*self.reader.matched, *self.writer.matched}
+        assert len(self.participant.far) <= self._bounds.participants
+        assert self._news.participants == {far.prefix for far in self.participant.far}
+        for far in self.participant.far:
+            assert len(far.endpoints) <= self._bounds.endpoints and far.room.left >= 0
+            assert all(guid in there for guid in far.endpoints)
+        assert matched <= set(there)
+        assert self.writer.writer is not None and self.writer.writer.kept <= 3
+        # A writer that is matched again may count again.
+        self._numbers = {guid: number for guid, number in self._numbers.items() if guid in matched}
+        assert self._sent < _MOST_SENT
+        self._sent = 0
+
+    def check_end(self, turns: int) -> None:
+        """After so many long silences nothing is left."""
+        for _ in range(turns):
+            self.now_ns += _LONG_NS
+            self.participant.act(self.now_ns)
+        assert not self.participant.far and not self._news.there
+        assert not self.reader.matched and not self.writer.matched
 
 
 def participant(data: bytes) -> None:
     """Submessages of two hostile participants: matches follow from their announcements, samples come in
     order, nothing grows beyond its limit, and nothing is left after they have gone."""
     script = Script(data)
-    news, deliveries = News(), Deliveries()
-    sent: list[int] = []
-    settings = Settings(b"o" * 12, (("10.0.0.1", 7410),), (), bounds=_BOUNDS)
-    made = Participant(settings, lambda _, datagram: sent.append(len(datagram)), news, lambda _: True)
+    watched = Watched(Participant, Settings(b"o" * 12, (("10.0.0.1", 7410),), (), bounds=_BOUNDS))
 
-    now_ns = 1
-    made.start(now_ns)
-    reader = made.add_reader("t", "T", deliveries, now_ns)
-    writer = made.add_writer("t", "T", now_ns, keeping=Keeping(changes=3))
+    def say() -> tuple[bytes, Address]:
+        prefix = script.choose(_FAR)
+        said = _said(script, prefix, watched.reader.guid[12:], watched.writer.guid[12:])
+        return m.write_head(prefix) + said, ("10.0.0.2", 1)
+
     while script:
-        now_ns += script.byte() << script.byte() % 28
-        match script.byte() % 16:
-            case 0:
-                made.act(now_ns)
-            case 1:
-                made.write(writer, bytes(script.byte()), now_ns, now_ns)
-            case _:
-                prefix = script.choose(_FAR)
-                datagram = m.write_head(prefix) + _said(script, prefix, reader.guid[12:], writer.guid[12:])
-                made.receive(datagram, ("10.0.0.2", 1), now_ns)
-        assert len(made.far) <= _BOUNDS.participants
-        for far in made.far:
-            assert len(far.endpoints) <= _BOUNDS.endpoints and far.room.left >= 0
-            assert all(guid in news.there for guid in far.endpoints)
-        assert set(reader.matched) | set(writer.matched) <= set(news.there)
-        assert writer.writer is not None and writer.writer.kept <= 3
-        deliveries.forget_all_but(reader.matched)
-        assert sum(sent) < _MOST_SENT
-        sent.clear()
-    made.act(now_ns + 10**12)
-    assert not made.far and not news.there and not reader.matched and not writer.matched
+        watched.step(script, say)
+    watched.check_end(1)
 
 
 def _said(script: Script, prefix: bytes, reader: bytes, writer: bytes) -> bytes:
