@@ -73,6 +73,13 @@ static void hear(void *user, int status, const char *error, const busd_message *
     fflush(stdout);
 }
 
+static void print_stats(const busd_service_stats *s)
+{
+    printf("requests %" PRIu64 " responses %" PRIu64 " errors %" PRIu64 " late %" PRIu64 " open %u matches %u\n", s->requests,
+           s->responses, s->errors, s->late, s->open, s->matches);
+    fflush(stdout);
+}
+
 static int call_all(busd_client *client, char **numbers)
 {
     for (; *numbers != NULL; numbers++) {
@@ -97,6 +104,7 @@ int main(int argc, char **argv)
     busd_node *node;
     busd_server *server;
     busd_client *client;
+    busd_service_stats stats;
     (void)argc;
     signal(SIGTERM, end);
     int status = busd_connect(&bus, NULL, "service");
@@ -109,6 +117,10 @@ int main(int argc, char **argv)
         fflush(stdout);
         while (status == 0 && !has_ended)
             status = busd_wait(bus, -1) < 0 ? -1 : 0;
+        if (status == 0) {
+            busd_server_stats(server, &stats);
+            print_stats(&stats);
+        }
     } else if (status == 0) {
         status = busd_client_create(node, argv[2], type, NULL, &client);
         printf("ready\n");
@@ -118,8 +130,11 @@ int main(int argc, char **argv)
         fflush(stdout);
         if (status == 0)
             status = call_all(client, argv + 3);
-        if (status == 0)
+        if (status == 0) {
+            busd_client_stats(client, &stats);
+            print_stats(&stats);
             busd_client_destroy(client);
+        }
     }
     if (status < 0)
         printf("failed: %s\n", busd_error(bus));

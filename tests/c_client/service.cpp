@@ -14,6 +14,13 @@ using rcl_interfaces::srv::ListParameters;
 
 static volatile std::sig_atomic_t has_ended = 0;
 
+static void print_stats(const busd_service_stats &s)
+{
+    std::printf("requests %d responses %d errors %d late %d open %u matches %u\n", static_cast<int>(s.requests),
+                static_cast<int>(s.responses), static_cast<int>(s.errors), static_cast<int>(s.late), s.open, s.matches);
+    std::fflush(stdout);
+}
+
 static void serve(busd::bus &bus, busd::node &node, const char *name)
 {
     using server = busd::server<AddTwoInts>;
@@ -58,6 +65,7 @@ static void serve(busd::bus &bus, busd::node &node, const char *name)
         bus.wait();
     if (!adder)
         reply_later(); // throws
+    print_stats(adder->stats());
 }
 
 static void call(busd::bus &bus, busd::node &node, const char *name, char **numbers)
@@ -95,6 +103,7 @@ static void call(busd::bus &bus, busd::node &node, const char *name, char **numb
             std::printf("answer %d: %s\n", -error.code().value(), error.what());
         }
     }
+    print_stats(client.stats());
 }
 
 // An answer with views, which has been moved and is older than its message; and an answer that never comes.

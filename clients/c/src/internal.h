@@ -274,6 +274,7 @@ struct service {
     busd_subscription *subscription;
     struct call *calls;
     size_t call_count;
+    uint64_t requests, responses, errors, late;
     int64_t give_up_ns; /* of a client: then calls that are lost end; 0: none is */
     bool is_client, is_closed;
 };

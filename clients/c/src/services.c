@@ -189,6 +189,16 @@ void service_free(struct service *service)
     free(service);
 }
 
+static void take_stats(const struct service *service, int matches, busd_service_stats *stats)
+{
+    *stats = (busd_service_stats){.requests = service->requests,
+                                  .responses = service->responses,
+                                  .errors = service->errors,
+                                  .late = service->late,
+                                  .open = (uint32_t)service->call_count,
+                                  .matches = (uint32_t)matches};
+}
+
 /* The node is destroyed, with the endpoints. */
 void services_close(busd_node *node)
 {
@@ -210,6 +220,7 @@ static void hear_request(void *user, const busd_message *taken)
             envelope_publish(server->service.publisher, &envelope.call, "", &nil, 1);
         return;
     }
+    server->service.requests++;
     if (server->service.call_count >= MOST_OPEN) { /* forget the oldest: it counts as lost */
         struct call *oldest = server->service.calls;
         while (oldest->next != NULL)
@@ -244,8 +255,11 @@ static int reply(busd_server *server, const busd_call *id, const char *error, co
     if (call == NULL)
         return fail(server->service.node->bus, ENOENT, "this call has its reply already");
     const int status = envelope_publish(server->service.publisher, id, error, body, size);
-    if (status == 0)
+    if (status == 0) {
         call_end(&server->service, call);
+        server->service.responses++;
+        server->service.errors += *error != '\0';
+    }
     return status;
 }
 
@@ -257,6 +271,11 @@ int busd_reply(busd_server *server, const busd_call *call, const void *body, siz
 int busd_reply_error(busd_server *server, const busd_call *call, const char *reason)
 {
     return reply(server, call, *reason == '\0' ? "failed" : reason, &nil, 1);
+}
+
+void busd_server_stats(const busd_server *server, busd_service_stats *stats)
+{
+    take_stats(&server->service, busd_subscription_matches(server->service.subscription), stats);
 }
 
 void busd_server_destroy(busd_server *server)
@@ -310,8 +329,13 @@ static void hear_reply(void *user, const busd_message *taken)
     if (client->service.is_closed || !envelope_take(taken, true, &envelope))
         return;
     struct call *call = call_find(&client->service, &envelope.call);
-    if (call == NULL)
-        return; /* of another client, or answered */
+    if (call == NULL) {
+        const unsigned char *own = client->service.publisher->end.gid;
+        client->service.late += memcmp(envelope.call.client, own, sizeof envelope.call.client) == 0;
+        return;
+    }
+    client->service.responses += envelope.error.size != 0 || !envelope.is_nil;
+    client->service.errors += envelope.error.size != 0;
     if (envelope.error.size != 0) {
         char text[400];
         snprintf(text, sizeof text, "%.*s", (int)sizes_min(envelope.error.size, sizeof text - 1), envelope.error.data);
@@ -381,12 +405,18 @@ int busd_client_call(busd_client *client, const void *body, size_t size, busd_an
         return status;
     }
     client->numbers++;
+    client->service.requests++;
     if (is_bridged)
         look_at(client->service.node->bus, now_ns() + FIRST_PAUSE_NS);
     return 0;
 }
 
 int busd_client_servers(const busd_client *client) { return busd_publisher_matches(client->service.publisher); }
+
+void busd_client_stats(const busd_client *client, busd_service_stats *stats)
+{
+    take_stats(&client->service, busd_client_servers(client), stats);
+}
 
 void busd_client_destroy(busd_client *client)
 {

@@ -235,6 +235,19 @@ typedef struct busd_stats {
 void busd_publisher_stats(const busd_publisher *publisher, busd_stats *stats);
 void busd_subscription_stats(const busd_subscription *subscription, busd_stats *stats);
 
+/* Calls of a client, or at a server. */
+typedef struct busd_service_stats {
+    uint64_t requests;  /* sent; or taken */
+    uint64_t responses; /* taken by their calls; or sent */
+    uint64_t errors;    /* among the responses */
+    uint64_t late;      /* of a client: answers to calls that have ended */
+    uint32_t open;      /* calls without an answer, now */
+    uint32_t matches;   /* servers of the client, or clients of the server, now */
+} busd_service_stats;
+
+void busd_client_stats(const busd_client *client, busd_service_stats *stats);
+void busd_server_stats(const busd_server *server, busd_service_stats *stats);
+
 /* --- the graph: nodes and endpoints of all programs, as far as busd's rules of access show them to this user */
 
 typedef struct busd_graph_node {

@@ -293,6 +293,12 @@ template <class S> class client {
         return result;
     }
     int servers() const { return busd_client_servers(handle_.get()); }
+    busd_service_stats stats() const
+    {
+        busd_service_stats stats;
+        busd_client_stats(handle_.get(), &stats);
+        return stats;
+    }
     busd_client *get() const { return handle_.get(); }
 
   private:
@@ -363,6 +369,12 @@ template <class S> class server {
         return *this;
     }
     ~server() { end(); }
+    busd_service_stats stats() const
+    {
+        busd_service_stats stats;
+        busd_server_stats(get(), &stats);
+        return stats;
+    }
     busd_server *get() const { return state_->handle.get(); }
 
   private:
