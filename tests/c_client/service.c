@@ -2,6 +2,7 @@
  *
  *     service serve NAME      adds; fails for a negative `a`; replies to `a` 1000 only with the next request
  *     service call NAME A...  calls with each A and b = 1, one after the other, and prints the answers
+ *     service away NAME       calls while busd is away
  */
 #include <inttypes.h>
 #include <signal.h>
@@ -99,6 +100,22 @@ static int call_all(busd_client *client, char **numbers)
     return 0;
 }
 
+static int call_without_busd(busd_client *client)
+{
+    const example_interfaces__srv__AddTwoInts_Request request = {.a = 1, .b = 1};
+    while (busd_is_connected(bus))
+        if (busd_wait(bus, 100) < 0)
+            return -1;
+    if (example_interfaces__srv__AddTwoInts__call(client, &request, hear, NULL) < 0)
+        return -1;
+    printf("called\n");
+    fflush(stdout);
+    while (!is_answered && !has_ended)
+        if (busd_wait(bus, 100) < 0)
+            return -1;
+    return 0;
+}
+
 int main(int argc, char **argv)
 {
     busd_node *node;
@@ -129,7 +146,7 @@ int main(int argc, char **argv)
             printf("%s\n", busd_error(bus));
         fflush(stdout);
         if (status == 0)
-            status = call_all(client, argv + 3);
+            status = strcmp(argv[1], "away") == 0 ? call_without_busd(client) : call_all(client, argv + 3);
         if (status == 0) {
             busd_client_stats(client, &stats);
             print_stats(&stats);

@@ -199,3 +199,23 @@ async def test_calls_survive_a_kill_of_busd(
                 except bus.ServiceUnavailable:
                     await client.wait_for_service()
             assert (await first).sum == 1002
+
+
+@pytest.mark.parametrize("is_served", [True, pytest.param(False, marks=pytest.mark.nightly)])
+async def test_a_call_of_a_client_in_c_while_busd_is_away(
+    daemon: Daemon, node: bus.Node, programs: Path, tmp_path: Path, route: str, is_served: bool
+) -> None:
+    """It waits for the next busd; ten seconds later it fails if no server has come."""
+    server = await node.create_service(
+        AddTwoInts, "/add", lambda request: AddTwoInts.Response(sum=request.a + 1)
+    )
+    async with running_command(tmp_path, programs / "service", "away", "/add") as client:
+        await client.line("ready")
+        await until(lambda: server.statistics().clients)
+        if not is_served:
+            await server.close()
+        daemon.kill()
+        await client.line("called")
+        daemon.restart()
+        await client.line("^answer 2" if is_served else "^answer -32: no server is left")
+        assert await client.end() == 0

@@ -505,6 +505,7 @@ void publisher_free(busd_publisher *publisher);
 /* services.c */
 void services_close(busd_node *node);
 void services_matched(busd_publisher *publisher, bool has_come);
+void services_absent(busd_bus *bus);
 void services_lost(busd_bus *bus);
 void services_look(busd_bus *bus, int64_t now);
 void service_free(struct service *service);

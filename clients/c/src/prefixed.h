@@ -90,6 +90,7 @@
 #define services_ask busd__services_ask
 #define services_close busd__services_close
 #define services_look busd__services_look
+#define services_absent busd__services_absent
 #define services_lost busd__services_lost
 #define services_matched busd__services_matched
 #define set_timer busd__set_timer

@@ -387,7 +387,7 @@ int busd_client_call(busd_client *client, const void *body, size_t size, busd_an
     if (client->service.call_count >= MOST_PENDING)
         return fail(client->service.node->bus, ENOBUFS, "%u calls of this client have no answer yet, which is the limit",
                     MOST_PENDING);
-    if (busd_client_servers(client) == 0)
+    if (client->service.node->bus->is_open && busd_client_servers(client) == 0)
         return fail(client->service.node->bus, EHOSTUNREACH, "%s has no server", client->service.publisher->end.topic);
     memcpy(id.client, client->service.publisher->end.gid, sizeof id.client);
     struct call *call = call_add(&client->service, &id);
@@ -517,6 +517,14 @@ void services_matched(busd_publisher *publisher, bool has_come)
     const int64_t next = has_come ? look(service, now) : !has_server ? now + GRACE_NS : now + SECOND_NS;
     if (next != INT64_MAX)
         look_at(publisher->end.node->bus, next);
+}
+
+/* Servers had time to come back with the next busd: calls without one are lost. */
+void services_absent(busd_bus *bus)
+{
+    for (struct service *service = bus->services; service != NULL; service = service->next)
+        if (service->is_client && !service->is_closed && busd_publisher_matches(service->publisher) == 0)
+            services_matched(service->publisher, false);
 }
 
 /* The connection is lost: requests and answers may be lost, too. */

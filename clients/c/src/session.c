@@ -125,6 +125,7 @@ static void do_stale(busd_bus *bus, int64_t now)
         matches_drop_stale(p);
     for (busd_subscription *s = bus->subscriptions; s != NULL; s = s->next)
         sources_drop_stale(s);
+    services_absent(bus);
 }
 
 static void do_sweep(busd_bus *bus, int64_t now)

@@ -209,8 +209,8 @@ typedef void busd_answer(void *user, int status, const char *error, const busd_m
 int busd_client_create(busd_node *node, const char *name, const busd_service_type *type, const busd_qos *qos,
                        busd_client **client);
 
-/* Sends a request. `answer` is called once, later. -EHOSTUNREACH: there is no server. -ENOBUFS: 1,000 calls of the client
- * wait for an answer. */
+/* Sends a request. `answer` is called once, later. -EHOSTUNREACH: there is no server; while busd is away, the
+ * call waits for the next one instead. -ENOBUFS: 1,000 calls of the client wait for an answer. */
 int busd_client_call(busd_client *client, const void *body, size_t size, busd_answer *answer, void *user);
 
 /* Servers that get the requests, on this bus and on others. Usually 0 or 1. */
