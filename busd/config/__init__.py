@@ -7,7 +7,7 @@
 Invariants:
 
 - A configuration is applied as a whole or not at all. If the new file is wrong, the old one stays in force,
-  and the log says where the file is wrong.
+  and the log names the wrong place.
 - An unknown key is an error.
 - These modules read and check; what a value does is decided in `busd.core`.
 - docs/configuration.md describes each key.

@@ -264,7 +264,7 @@ class Registry:
             endpoint.has_left = not is_lost
             gap = 0 if is_lost else endpoint.conclude()
             self._absentees.go(endpoint)
-            # Taps first: a bridge keeps what waits of a publisher that has no match with its tap any more.
+            # Taps first: a bridge keeps waiting messages of a publisher that its tap no longer matches.
             for match in sorted(endpoint.matches.values(), key=_IS_OF_TAP, reverse=True):
                 if not match.has_ended:
                     self._router.settle(now_ns, match)

@@ -181,7 +181,7 @@ class Server:
         pid = connection.credentials.pid
         _log.log(level, "%s pid %d: %s", what, pid, reason, extra={"peer": pid})
         if self.is_ending:
-            return  # its data still goes to the others, as if it were there
+            return  # its data still goes to the others
         del self._peers[connection.id]
         self.serving.remove(connection)
         self._watch_idle()
