@@ -373,7 +373,7 @@ class ServiceClient(ServiceBase):
         """Ask the servers about the state of doubtful calls; `is_new`: one has come just now.
 
         A server's answer comes after its earlier answers. A server that still works on a call does not
-        answer, and a bridge may lose the question or the answer: so the client asks again, after one look,
+        answer, and a bridge may lose the question or the answer. So the client asks again, after one look,
         two, four and so on. Each of several servers gets the question.
         """
         if not self._servers:

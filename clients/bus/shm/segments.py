@@ -1,8 +1,8 @@
 """Makes and maps segments, and makes doorbells. docs/ring.md describes their contents.
 
-Owns the rules by which a segment can't leak and can't harm other processes: it has no name, its memory is
-reserved when it is made, and it is sealed before another process sees it. Must not know the receivers of a
-segment. Functions that need the native core raise ImportError without it.
+Owns the rules that keep segments from leaking and from harming other processes. A segment has no name, its
+memory is reserved when it is made, and it is sealed before another process sees it. Must not know the
+receivers of a segment. Functions that need the native core raise ImportError without it.
 """
 
 import fcntl
