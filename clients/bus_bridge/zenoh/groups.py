@@ -1,7 +1,7 @@
 """Groups of buses: which buses of a fleet see each other. Pure.
 
-A bus is in one group or in none. It sees all buses, or those of chosen groups. Two buses see each other if
-each of them sees the other one. So a robot can see its operators, and not 999 other robots.
+A bus is in one group or in none. It sees all buses, or the buses of chosen groups. Two buses see each other
+if each of them sees the other one. So a robot can see its operators, and not 999 other robots.
 
 The run of a bridge is a part of all its tokens, and begins with its groups. So a bridge asks for the tokens
 of the groups that it sees, and others are not sent to it:

@@ -248,7 +248,7 @@ class Presence:
         run.interests.clear()
 
     def _make_room(self) -> bool:
-        """Forget a bridge that does not see this bus, or with tokens of endpoints but none of its own."""
+        """Forget a bridge that does not see this bus, or has tokens of endpoints but no token itself."""
         for key, run in self._runs.items():
             if run.token is None or not run.groups.sees(self._groups):
                 self._clear(run)
