@@ -1,7 +1,7 @@
 """Moves messages from the subscriptions into the pipeline.
 
-Taking messages goes before writing. The time of receipt is the time at which a message is taken. So messages
-are taken at once. The pipeline runs after all other pending work of the event loop.
+Taking messages has priority over writing. The time of receipt is the time at which a message is taken. So
+messages are taken at once. The pipeline runs after all other pending work of the event loop.
 """
 
 import asyncio
@@ -21,7 +21,7 @@ _BATCH = 256
 _PACK_BYTES = 256 << 10
 """Most bytes of messages in one buffer. They have one log time: at 1 KiB they are as many as a batch has."""
 _LONG_BYTES = 16 << 10
-"""Messages of this size are taken one by one: they are written from where they are, without a copy."""
+"""Messages of this size are taken one by one, and written without a copy."""
 
 
 class Intake:
