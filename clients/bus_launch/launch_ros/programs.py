@@ -112,7 +112,7 @@ def _libexec(package: str) -> str:
 
 
 def with_sourced_workspace() -> None:
-    """Do what sourcing the set-up of the workspace around the current folder would have done."""
+    """Set up the environment as if the workspace around the current folder were sourced."""
     new = [prefix for prefix in packages.prefixes() if not prefix.is_sourced]
     if not new:
         return

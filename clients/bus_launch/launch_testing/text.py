@@ -1,6 +1,6 @@
 """Finds expected texts and lines in output: a text, a pattern, or several of them in turn.
 
-Each matcher returns the place where the match begins and where it ends, or None. Pure.
+Each matcher returns the begin and the end of the match, or None. Pure.
 """
 
 import re

@@ -189,14 +189,14 @@ class PushEnvironment(_Simple):
 
 
 class PopEnvironment(_Simple):
-    """Makes the environment what it was at PushEnvironment."""
+    """Restores the environment as it was at PushEnvironment."""
 
     _do = LaunchContext._pop_environment
 
 
 @expose_action("reset_env")
 class ResetEnvironment(_Simple):
-    """Makes the environment what it was when the launch began."""
+    """Restores the environment as it was when the launch began."""
 
     _do = LaunchContext._reset_environment
 

@@ -233,7 +233,7 @@ class PathJoinSubstitution(StringJoinSubstitution):
         super().__init__(substitutions, delimiter=os.sep)
 
     def perform(self, context: LaunchContext) -> str:
-        # As os.path.join does: an absolute part begins anew.
+        # As in os.path.join, an absolute part drops the parts before it.
         parts = ["".join(one.perform(context) for one in part) for part in self.substitutions]
         return os.path.join(*parts)  # noqa: PTH118
 
