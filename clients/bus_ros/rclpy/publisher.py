@@ -46,7 +46,7 @@ class BasePublisher(Destroyable, Generic[M]):
         raise NotImplementedError
 
     def _is_matched(self) -> bool:
-        """Whether it has a subscription, perhaps one that can't be woken yet."""
+        """Whether it has a subscription, which perhaps can't be woken yet."""
         raise NotImplementedError
 
     def _encoded(self, msg: M | bytes) -> bytes:
