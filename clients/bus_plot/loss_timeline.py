@@ -13,7 +13,7 @@ WIDEST_S = 1024
 `earlier`: with losses in every second, that is after 34 hours."""
 _MOST_REASONS = 16
 _OTHER = "other"
-"""For reasons above the bound: programs may report reasons of their own."""
+"""For reasons above the bound: programs may report any reasons."""
 
 
 class Slot(msgspec.Struct, frozen=True, array_like=True):
