@@ -223,7 +223,7 @@ class Broker:
         return out
 
     def passage(self, now_ns: int, peer_id: PeerId, endpoint: int) -> Publisher | None:
-        """A publisher of the peer's, if its next run needs only to be sent to those for which it is `routed`.
+        """A publisher of the peer, if its next run only needs to be sent to its `routed` subscriptions.
 
         A subscription with queued samples can't get it before these. None: the run must be given to `route`.
         """

@@ -19,8 +19,7 @@ from busd.core.timers import Timers
 from busd.core.work import LOOKS_PER_UNIT, TELL, Meter, Rounds
 
 MOST = 16_384
-"""Places in all. If there are more, publishers go on without the subscriptions of the process that was lost
-first."""
+"""Places in all. Above that, publishers go on without the subscriptions of the process lost first."""
 
 _LOOK_NS = 50_000_000
 """So long until the first look whether the process lives, because a killed process ends a moment after its

@@ -65,9 +65,9 @@ def set_up(level: str, form: str, path: Path | None = None) -> None:
 class _Lines(logging.Handler):
     """Gives lines to a thread, which calls `write` for each; and bounds them.
 
-    Peers can cause short printable lines only, and not too many in a second. Errors always come through, and
-    so do debug lines, which were asked for; but no more lines wait than there is room for. Lines left out are
-    counted, and so are lines for which `write` raises OSError.
+    Peers can cause short printable lines only, and not too many in a second. The limit of lines in a second
+    does not apply to errors, and not to debug lines, which were asked for. A bounded number of lines waits.
+    Lines left out are counted, and so are lines for which `write` raises OSError.
     """
 
     def __init__(self, write: Callable[[bytes], None]) -> None:

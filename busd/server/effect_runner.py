@@ -114,7 +114,7 @@ class EffectRunner:
         self.flush()
 
     def _relieve(self, connection: PeerConnection) -> None:
-        """Too many control frames wait for a user's peers: cut off the one for which most wait."""
+        """Too many control frames wait for a user's peers: cut off the peer with most of them."""
         connection.stream.flush()
         if connection.is_user_over:
             whole = connection.account.parent

@@ -166,7 +166,7 @@ class Server:
     # --- connections that are there (PeerHost, EffectHost)
 
     def note_alive(self, connection: PeerConnection) -> None:
-        """A peer that is not read now takes what is sent to it: that is a sign of life."""
+        """A peer that busd does not read now takes data: that is a sign of life."""
         self._effects.carry_out(self._broker.note_alive(monotonic_ns(), connection.id))
         self._effects.flush()
 
