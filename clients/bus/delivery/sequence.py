@@ -219,8 +219,8 @@ class SequenceTracker(dict[int, PublisherProxy]):
     def lose_while_away(self, count: int, gid: bytes | None = None) -> int:
         """Count `count` samples of publisher `gid` as lost between two connections.
 
-        It leaves out samples that the last broker reported, and samples that were counted as lost when that
-        was lost. Returns the number counted.
+        It leaves out samples that the last broker reported, and samples that were counted as lost at the loss
+        of that broker. Returns the number counted.
         """
         if gid is not None:
             count -= min(count, self._lost_at_end.pop(gid, 0))
@@ -266,7 +266,7 @@ class SequenceTracker(dict[int, PublisherProxy]):
             self.lose_while_away(unreported)
 
     def miss(self, missed: dict[bytes, tuple[int, int]]) -> None:
-        """Count the missing ones of the samples that publishers have sent since, by their numbers in
+        """Count missing samples of publishers that sent them since then, by their numbers in
         Dropped."""
         for gid, (first_seq, last_seq) in missed.items():
             # Without a first number, the match used a ring. A subscription that never read that ring, but has

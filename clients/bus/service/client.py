@@ -90,7 +90,7 @@ class _Call:
         self.asked = asked
         self.deliver = deliver
         self.denied: set[bytes] = set()
-        """Gids of the publishers of replies whose servers do not work on it."""
+        """Servers that do not work on it, by the gids of their publishers of replies."""
         self.is_lost = False
         self.is_doubtful = False
         """The client must ask the server whether it knows the call: busd has ended since, or was away, or a
