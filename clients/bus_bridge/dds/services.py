@@ -157,7 +157,7 @@ class ServiceServer:
         self.faulty = 0
         """Requests without an identity."""
         self.refused = 0
-        """Requests while too many others of their client were without an answer."""
+        """Requests of clients that had too many others without an answer."""
         self._services = services
         self._participant = services.participant
         self._on_request = on_request

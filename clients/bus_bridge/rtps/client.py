@@ -98,7 +98,7 @@ class ClientParticipant(Participant):
             try:
                 data = read_participant(one.payload or b"", prefix)
             except RtpsError:
-                return False  # of another participant: the server sends that again once it is known
+                return False  # about another participant: a known server repeats it
             if data.is_server and self._is_chosen(data, source):
                 self._meet_server(data, source)
         return False

@@ -97,7 +97,7 @@ class Reader:
     """One reader of our participant. `deliver` gets samples in the order of each writer.
 
     `sample_bytes`: longer samples are passed over, and counted. `on_restart` is called with the GUID of a
-    writer that has restarted with the GUID that it had before, as Discovery Servers do: remove it then.
+    writer that has restarted with the same GUID, as Discovery Servers do: remove it then.
     """
 
     def __init__(

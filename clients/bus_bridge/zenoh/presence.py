@@ -27,8 +27,7 @@ from bus_bridge.zenoh.keys import (
 __all__ = ["MAX_RUNS", "MAX_TOKENS", "Interest", "Presence"]
 
 _PATIENCE = 15
-"""Number of checks after which a run is neither the remains of a killed bridge, nor waits for such
-remains."""
+"""After so many checks, a run is no rest of a killed bridge, and does not wait for such a rest to vanish."""
 
 MAX_TOKENS = 100_000
 """The most tokens of one bus. It bounds memory here, and is far above the bridge's own limit."""
