@@ -1,4 +1,4 @@
-"""The lines that the turtles' pens draw, as pixels. Must not know where they are shown."""
+"""The lines that the turtles' pens draw, as pixels. Must not know pages and terminals."""
 
 from typing import NamedTuple
 

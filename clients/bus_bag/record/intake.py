@@ -74,7 +74,7 @@ class Intake:
     ) -> tuple[Batch, bool]:
         """The next messages, with the log time `now_ns` if it is given, and whether more may wait."""
         if self._pipeline.takes_packs(topic):
-            # A latched message is kept for its publisher, and a merged buffer does not say whose it is.
+            # Latched messages are kept for each publisher, which a merged buffer does not name.
             is_latched = topic.is_latched
             if not is_latched or subscription.get_publisher_count() == 1:
                 pack = subscription.take_packed(_PACK_BYTES, _LONG_BYTES, merges=not is_latched)

@@ -1,6 +1,6 @@
 """Substitutions of Nav2's launch files: parameter files with other values, robots and their poses.
 
-A file that one of these writes is removed when the launch has ended.
+A substitution's file is removed when the launch has ended.
 """
 
 import os

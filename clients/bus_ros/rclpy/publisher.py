@@ -116,8 +116,8 @@ class Publisher(BasePublisher[M]):
     def get_subscription_count(self) -> int:
         """The number of matched subscriptions that can be woken.
 
-        Waits for new ones for a bounded time, once: messages published before the event loop runs again would
-        not wake them.
+        Waits once, for a bounded time, for new subscriptions: messages published before the event loop runs
+        again would not wake them.
         """
         core, may_wait = self._core, not self._loop.is_mine()
         with self._loop:
