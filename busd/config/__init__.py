@@ -1,4 +1,4 @@
-"""The configuration: what busd.toml says, and its reload while busd runs.
+"""The configuration: the content of busd.toml, and its reload while busd runs.
 
     busd.toml --> `file.py` (Config, frozen) --> limits and topic rules: `busd.core.limits`
                                              --> users and groups: `access.py` --> rules: `busd.core.access`

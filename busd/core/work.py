@@ -42,7 +42,7 @@ RULES_PER_UNIT = 2
 Work: TypeAlias = Generator[int, int, None]
 """Long work in pieces: yields the cost of the last piece, and is sent the present time in ns.
 
-While it waits, other peers are served: each piece must leave the tables whole, and must read anew the values
+While it waits, other peers are served: each piece must leave the tables whole, and must read again the values
 that it read before its last yield.
 """
 

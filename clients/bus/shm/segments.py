@@ -75,7 +75,7 @@ def _make(
     claim(size)
     descriptor = Descriptor(set_aside(os.memfd_create(name, os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)))
     try:
-        os.fchmod(descriptor.number, 0o600)  # a new memfd is open to all: a receiver could open it anew
+        os.fchmod(descriptor.number, 0o600)  # a new memfd is open to all: a receiver could open it again
         os.ftruncate(descriptor.number, size)
         for start in range(0, size, _STEP_BYTES):
             if start:
