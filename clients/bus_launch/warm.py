@@ -124,7 +124,7 @@ class _Warm:
                 env=env,
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,  # a node started anew will report any fault of this Python
+                stderr=subprocess.DEVNULL,  # a normally started node will report any fault of this Python
                 pass_fds=[theirs.fileno()],
                 process_group=0,
             )

@@ -101,7 +101,7 @@ class Writer:
     """One writer of our participant.
 
     `fragment_bytes`: longer samples are sent in fragments of this size. `on_restart` is called with the GUID
-    of a reader that has lost what it had acknowledged: remove it then. None: it may ask for it again.
+    of a reader that has lost samples that it had acknowledged: remove it then. None: it may ask for it again.
     """
 
     def __init__(

@@ -48,7 +48,7 @@ def find(package: str, name: str) -> Program:
 
 
 def outside(name: str) -> Program:
-    """A program that is in no package: a path, or a name that stands in PATH.
+    """A program that is in no package: a path, or a name found in PATH.
 
     A file of Python that is given by its path need not be executable.
     """

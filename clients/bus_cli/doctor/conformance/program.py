@@ -48,7 +48,7 @@ async def _play(args: Namespace, command: Sequence[str]) -> tuple[list[str], int
 
 
 async def outcome(name: str, command: Sequence[str], wait_s: float) -> tuple[str, str, str]:
-    """Play one story: mark, text, and what a wrong client printed."""
+    """Play one story: mark, text, and the output of a wrong client."""
     with tempfile.TemporaryDirectory(prefix="busd-") as folder:
         stage = STORIES[name].stage(command, Path(folder), wait_s)
         try:

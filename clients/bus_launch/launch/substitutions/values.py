@@ -114,7 +114,7 @@ class LocalSubstitution(Substitution):
 
 @expose_substitution("dirname")
 class ThisLaunchFileDir(Substitution):
-    """The folder of the launch file that it stands in."""
+    """The folder of the launch file that contains it."""
 
     @classmethod
     def parse(cls, data: Sequence[Any]) -> _Parsed:
@@ -130,7 +130,7 @@ class ThisLaunchFileDir(Substitution):
 
 @expose_substitution("filename")
 class ThisLaunchFile(Substitution):
-    """The path of the launch file that it stands in."""
+    """The path of the launch file that contains it."""
 
     @classmethod
     def parse(cls, data: Sequence[Any]) -> _Parsed:
