@@ -42,7 +42,7 @@ _HANDLED = (*_ENDING, signal.SIGHUP)
 _THRESHOLDS = 700, 10, 100
 """Python's own, except the last: a full collection can take 10 ms, and nothing in busd leaves a cycle."""
 _TURNS = 4
-"""Turns of the event loop in which it handles each signal that came before they were blocked."""
+"""After so many turns, the event loop has handled all signals that came before they were blocked."""
 
 _DESCRIPTION = """\
 The message bus for the processes of one machine: routes messages between the publishers and

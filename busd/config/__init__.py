@@ -1,4 +1,4 @@
-"""The configuration: what busd.toml says, and its reload while busd runs.
+"""The configuration: the content of busd.toml, and its reload while busd runs.
 
     busd.toml --> `file.py` (Config, frozen) --> limits and topic rules: `busd.core.limits`
                                              --> users and groups: `access.py` --> rules: `busd.core.access`
@@ -7,7 +7,7 @@
 Invariants:
 
 - A configuration is applied as a whole or not at all. If the new file is wrong, the old one stays in force,
-  and the log says where the file is wrong.
+  and the log names the wrong place.
 - An unknown key is an error.
 - These modules read and check; what a value does is decided in `busd.core`.
 - docs/configuration.md describes each key.

@@ -45,7 +45,7 @@ class SocketTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
 
 
 class AccessTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """One `[[access]]`, as it stands in the file; `rule` has it with numbers."""
+    """One `[[access]]`, as in the file; `rule` has it with numbers."""
 
     topics: str | tuple[str, ...]
     actions: str | tuple[str, ...]
@@ -53,7 +53,7 @@ class AccessTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     groups: _Names = ()
     allow: bool = True
     shared_memory: bool = False
-    """A key of earlier versions; between users everything goes by socket."""
+    """A key of earlier versions, ignored: between users all samples use the socket."""
 
     def rule(self, key: str) -> AccessRule:
         """Raises ConfigurationError, naming the `key` and what is wrong, also for an unknown name."""

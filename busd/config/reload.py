@@ -35,7 +35,7 @@ class Reloader:
         self._apply = apply
 
     def reload(self, *, is_asked: bool = False) -> str:
-        """Read the file again; returns what has changed, which the log says too.
+        """Read the file again; returns the changes, which the log has, too.
 
         `is_asked`: a program asked for it and gets the outcome as an answer; the log need not repeat it.
         Raises ConfigurationError, and logs it, if something is wrong; then all stays as it was.

@@ -1,8 +1,8 @@
 """Subscriptions of lost processes: busd keeps accounts of the samples due by socket until they are back.
 
 A process that loses its connection comes back when it can. Sequence numbers then show which samples of
-present publishers it has missed. Only busd knows the publishers that have left meanwhile. So for each of them
-busd keeps the first number that was for the subscription, and the last one. The key is the gid of the
+present publishers it has missed. Only busd knows the publishers that have left meanwhile. So for each of
+these, busd keeps the numbers of the first and the last sample for the subscription. The key is the gid of the
 subscription, and only its user may claim the account. Owns these accounts and their bounds; routes nothing
 and matches nothing.
 """
@@ -24,7 +24,7 @@ from busd.core.timers import Timers
 from busd.core.work import Meter
 
 KEEP_NS = 600_000_000_000
-"""How long a process may be away and still learn what it has missed."""
+"""A process that is back within this time learns which samples it has missed."""
 RETURN_NS = 10_000_000_000
 """How long a publisher that was lost, too, may be away until its history counts as gone."""
 MOST_PER_USER = 16_384
@@ -143,7 +143,7 @@ class Absentees:
     # --- subscriptions; methods that are Steps return the present time
 
     def find(self, now_ns: int, subscription: Subscription, out: list[Effect]) -> Steps:
-        """A subscription is there and is yet to be matched: if it is back, tell it what it can't know.
+        """Before the first match of a subscription: if it is back, report the losses that it can't know.
 
         For a publisher that has left, busd tells it the samples missed. For a publisher without a sample
         delivered so far, busd tells it the first number that was for it; Matched then shows the samples
@@ -179,7 +179,7 @@ class Absentees:
         return now_ns
 
     def matched(self, publisher: Publisher, subscription: Subscription) -> None:
-        """Both ends may have been lost: with the match, the subscription learns what it has missed."""
+        """Both ends may have been lost: the new match itself shows the subscription its missed samples."""
         if subscription.id in self._open and publisher.id in subscription.matches:
             self._open[subscription.id].pop(publisher.gid, None)
 
@@ -229,7 +229,7 @@ class Absentees:
                 now_ns = yield _SOME
         if self._here.get(key) is subscription:
             self.forget(subscription)
-            # Otherwise it has not learned of these yet.
+            # Accounts already kept stay: it has not learned of them yet.
             if accounts and key not in self._kept.get(key[0], {}):
                 self._keep(now_ns, key, _Absentee(now_ns, subscription, accounts))
         return now_ns

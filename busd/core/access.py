@@ -1,7 +1,7 @@
 """Which users may do what on which topics.
 
 Owns the rules, their order, and the default if no rule applies. Must not know names of users and groups
-(busd.config.access finds their numbers), nor what follows from a denial.
+(busd.config.access finds their numbers), nor the effects of a denial.
 
 Users are numbers, as the kernel gives them for the process at the other end of a connection. The daemon's own
 user and root may do everything: they could change the daemon itself. So may a user that the system does not

@@ -34,7 +34,7 @@ class AccessGuard:
         self._reported: dict[int, set[tuple[Action, str]]] = {}
 
     def renew(self, access: Access) -> None:
-        """Other rules apply from now on; their denials are reported anew."""
+        """Apply other rules from now on; report their denials again."""
         self.access = access
         self._reported.clear()
 

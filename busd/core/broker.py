@@ -223,7 +223,7 @@ class Broker:
         return out
 
     def passage(self, now_ns: int, peer_id: PeerId, endpoint: int) -> Publisher | None:
-        """A publisher of the peer's, if its next run needs only to be sent to those for which it is `routed`.
+        """A publisher of the peer, if its next run only needs to be sent to its `routed` subscriptions.
 
         A subscription with queued samples can't get it before these. None: the run must be given to `route`.
         """
@@ -273,7 +273,7 @@ class Broker:
         return None if due_ns == NEVER_NS else due_ns
 
     def tick(self, now_ns: int) -> list[Effect]:
-        """Carry out due actions, as far as the meter goes."""
+        """Carry out due actions, as far as the meter allows."""
         for action in self.timers.due(now_ns):
             action(now_ns)
             self.meter.left -= FRAME
@@ -287,7 +287,7 @@ class Broker:
             self.meter.left -= self._queries.notify(change, self._out)
         if self.tasks.withheld:
             self.tasks.withhold()
-        out = self._out.copy()  # work that is not finished goes on with the list
+        out = self._out.copy()  # unfinished work still adds to the list
         self._out.clear()
         return out
 

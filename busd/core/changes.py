@@ -51,6 +51,6 @@ class Changes:
         return change
 
     def skip_revision(self) -> int:
-        """Begin a revision in which only what observers may see changes; returns it."""
+        """Begin a revision that only changes which parts observers may see; returns it."""
         self.revision += 1
         return self.revision

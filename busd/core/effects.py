@@ -64,7 +64,7 @@ class Stop(msgspec.Struct, frozen=True):
 
 
 class Restart(msgspec.Struct, frozen=True):
-    """End the daemon in order and begin anew, if possible; answer `request` of `peer` whether it is."""
+    """End the daemon in order and start it again, if possible; answer `request` of `peer` whether it is."""
 
     peer: PeerId
     request: int

@@ -118,7 +118,7 @@ class Peer(Holder):
     types: dict[MessageType, int] = field(default_factory=dict)
     """Declared types with the size of their schemas."""
     refused_types: dict[MessageType, str] = field(default_factory=dict)
-    """Declared types that busd has not taken: the text with which endpoints of them are refused."""
+    """Declared types that busd has not accepted, with the text that refuses their endpoints."""
     lapsed: "set[Publisher]" = field(default_factory=set)
     """Publishers with automatic liveliness after the end of their lease."""
     is_silent: bool = False
@@ -191,7 +191,7 @@ class Topic:
     subscriptions: "dict[EndpointId, Subscription]" = field(default_factory=dict)
     guest_publishers: int = 0
     guest_subscriptions: int = 0
-    """How many of them are of guests."""
+    """Publishers and subscriptions of guests among them."""
 
 
 @dataclass(slots=True, eq=False)
@@ -237,8 +237,8 @@ class Endpoint:
 class Publisher(Endpoint):
     """`routed`, `crowds`, `ahead` and `awaited` follow from the states of `matches`; only Match changes them.
 
-    `routed` are the subscriptions of matches that are ROUTED, as the hot path needs them; `ahead` the matches
-    that are AHEAD; a lossless publisher waits for the acknowledgements of those in `awaited`.
+    `routed`: the subscriptions of matches that are ROUTED, as the hot path needs them. `ahead`: the matches
+    that are AHEAD. `awaited`: the matches for whose acknowledgements a lossless publisher waits.
     """
 
     next_seq: int
@@ -305,7 +305,7 @@ class Publisher(Endpoint):
         crowd.join(subscription.id, subscription.queue.depth, next_seq)
 
     def leave_crowd(self, subscription: "Subscription") -> None:
-        """The subscription is routed no more, and gets nothing of what waits in the crowd."""
+        """Route no more to the subscription. It gets none of the samples that wait in the crowd."""
         peer = subscription.node.peer.id
         self.crowds[peer].leave(subscription.id)
         if not self.crowds[peer].members:
@@ -339,17 +339,18 @@ class Owed(msgspec.Struct, gc=False):  # one for each match: the garbage collect
 
     first_seq: int
     is_kept: bool
-    """Whether samples that it misses may come again, out of what the publisher keeps."""
+    """Whether the publisher may repeat samples that it misses: the publisher keeps them."""
     has_left: bool = False
     """Whether the publisher was closed in order."""
 
 
 @dataclass(slots=True, eq=False)
 class Subscription(Endpoint):
-    """`queue` holds what waits for the process; `dropped` counts what the broker dropped, by reason.
+    """`queue`: samples that wait for the process. `dropped`: samples that the broker dropped, by reason.
 
-    Both by gid, because publishers may come back: `last_seqs`, the number up to which it has had all; `owed`,
-    for publishers that have gone, and for publishers with samples for it before its match began.
+    The key of two tables is the gid, because publishers may come back. `last_seqs`: it has had all samples up
+    to this number. `owed`: publishers that have gone, and publishers with samples for it before its match
+    began.
     """
 
     queue: RunQueue
@@ -360,7 +361,7 @@ class Subscription(Endpoint):
     dropped_before: dict[str, int] = field(default_factory=dict)
     """As `dropped`, from before its process was lost and came back."""
     expected_besides: int = 0
-    """Samples expected of matches that have ended, and of those sent to this subscription alone."""
+    """Samples expected of matches that have ended, and samples sent to this subscription alone."""
     missed: int = 0
     """Samples replaced in `queue` in a row, without a sample sent in between."""
     most_missed: int = 0
@@ -417,7 +418,7 @@ class Subscription(Endpoint):
         """Samples that the broker dropped for it, also before it came back."""
         both = self.dropped_before, self.dropped
         total = {reason: sum(one.get(reason, 0) for one in both) for reason in both[0] | both[1]}
-        return {reason: min(count, MAX_COUNT) for reason, count in total.items()}  # numbers may lie
+        return {reason: min(count, MAX_COUNT) for reason, count in total.items()}  # peers may lie
 
     @property
     def expected(self) -> int:
@@ -508,7 +509,7 @@ class Match:
         self.subscription.owed.pop(self.publisher.gid, None)
 
     def begin_routing(self) -> None:
-        """From now on the subscription gets what all get, except what it has had already."""
+        """From now on the subscription gets the samples for all, except samples that it has already had."""
         publisher = self.publisher
         received_seq = self.subscription.last_seqs.get(publisher.gid)
         is_ahead = received_seq is not None and received_seq >= publisher.next_seq
@@ -519,11 +520,11 @@ class Match:
 
     @property
     def is_repeated(self) -> bool:
-        """Whether the publisher sends what the subscription has missed while it was lost, to it alone."""
+        """Whether the publisher sends the samples missed by the lost subscription to this one alone."""
         return self.is_return and self.state is MatchState.CATCHING_UP
 
     def repeat_from(self, last_seq: int) -> None:
-        """The subscription is back, and has had all up to `last_seq`: the publisher repeats what follows."""
+        """The subscription is back, and has had all up to `last_seq`: the publisher repeats the others."""
         publisher = self.publisher
         self.began_seq, self.is_return = last_seq + 1, True
         self.on(MatchEvent.CATCH_UP)
@@ -562,7 +563,7 @@ class Match:
         return self.subscription.owed[self.publisher.gid]
 
     def await_acks(self) -> None:
-        """From now on the publisher waits until the subscription has taken what went by socket."""
+        """From now on the publisher waits until the subscription has taken the samples from the socket."""
         publisher = self.publisher
         self.acked_seq = (self.began_seq if self.is_repeated else max(self.began_seq, publisher.next_seq)) - 1
         publisher.awaited[self.subscription.id] = self

@@ -1,6 +1,6 @@
 """How processes come in: which may connect and when, and how the broker then knows them.
 
-Owns the numbers of peers. Must not know the later acts of a peer, nor how it goes.
+Owns the numbers of peers. Must not know the later acts of a peer, nor its end.
 """
 
 from collections.abc import Hashable
@@ -21,7 +21,7 @@ from busd.core.silence import Silences
 __all__ = ["Entrance"]
 
 _LONGEST_NAME = 64
-"""Characters kept of what a process calls itself, for the log and for GetPeers."""
+"""Characters kept of a process's own name, for the log and for GetPeers."""
 
 
 class Entrance:
@@ -56,7 +56,7 @@ class Entrance:
         return self._quotas.turn_away(now_ns, uid, connections=connections, of_user=of_user)
 
     def arrive(self, now_ns: int, uid: int, said_ns: int) -> int:
-        """One more process of a user, which said Hello then; 0: it may come in, else how long it waits."""
+        """Whether one more process of a user, which said Hello then, may enter: 0, or how long it waits."""
         return self._quotas.arrive(now_ns, uid, said_ns)
 
     def count_failed_connection(self, now_ns: int, uid: int, *, for_want_of_room: bool) -> tuple[bool, int]:
@@ -73,7 +73,7 @@ class Entrance:
         gids: frozenset[int] | None = frozenset(),
         process: Hashable = None,
     ) -> PeerId:
-        """A connection said Hello; `pid`, `uid` and `gids` (None: can't be told) are the kernel's word.
+        """A connection said Hello; `pid`, `uid` and `gids` (None: unknown) are the kernel's word.
 
         `process` is equal for connections of one process, and for no others. None: `pid` tells them apart.
         """

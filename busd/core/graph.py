@@ -109,7 +109,7 @@ class Graph:
     def add_match(self, match: Match, *, is_shared: bool, last_seq: int | None = None) -> None:
         """A new match: of a mirror, or on the route shm, or on the route socket.
 
-        `last_seq`: the publisher sends what follows to the subscription alone, which is back.
+        `last_seq`: the subscription is back, and the publisher sends the samples after this one to it alone.
         """
         publisher, subscription = match.publisher, match.subscription
         publisher.matches[subscription.id] = subscription.matches[publisher.id] = match

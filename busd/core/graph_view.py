@@ -92,7 +92,7 @@ class GraphView:
     def ask_again(self, few: Sequence[Publisher | Subscription], revision: int) -> GraphChanged | None:
         """Ask for the topics of `few`, which are in the graph, once more.
 
-        Returns the records that come into sight and go out of sight, as `revision`; None if nothing does.
+        Returns the records that become visible or hidden, as `revision`; None if none does.
         """
         fresh = [one for one in few if one.id not in self._endpoints and self._may_see(one)]
         gone = [one for one in few if one.id in self._endpoints and not self._may_see(one)]

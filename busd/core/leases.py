@@ -25,7 +25,7 @@ _FEWER = 16
 class Leases:
     """Watches leases by timers that re-arm themselves. So a sign of life costs one assignment.
 
-    `lease_ns` is for processes that come from now on; each keeps the lease it came with.
+    `lease_ns` is for new processes; each keeps its first lease.
     """
 
     def __init__(
@@ -43,7 +43,7 @@ class Leases:
         self.lease_ns = lease_ns
         self._silences = silences
         self._returning: set[Peer] = set()
-        # of publishers whose lease ended or that are back, through their subscriptions
+        # for publishers whose lease ended or that are back: rounds through their subscriptions
         self._rounds = Rounds(timers, meter, self._report_one, few=_FEW, price=TELL)
 
     def watch_publisher(self, now_ns: int, publisher: Publisher) -> None:
@@ -65,7 +65,7 @@ class Leases:
             self._revive_some(now_ns, peer)
 
     def assert_publisher(self, now_ns: int, publisher: Publisher) -> None:
-        """`publisher` published, or said that it lives."""
+        """`publisher` published, or asserted its liveliness."""
         publisher.last_sign_ns = now_ns
         if not publisher.is_alive:
             self._revive(now_ns, publisher)

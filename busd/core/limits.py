@@ -26,7 +26,7 @@ _Cap = TypeVar("_Cap", int, float)
 _KiB = 1024
 _MiB = 1024 * _KiB
 
-_CONNECTION_BYTES = 256 * _KiB  # what is read into, above all
+_CONNECTION_BYTES = 256 * _KiB  # above all its read buffer
 _ENDPOINT_BYTES = 5 * _KiB // 2
 _MATCH_BYTES = 320
 
@@ -39,7 +39,7 @@ _Lifespan = Annotated[float, Meta(ge=0.001, le=86_400)]
 
 
 class Limits(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Upper bounds of what busd holds; the defaults suit a robot's computer with 4 GiB.
+    """Upper bounds of busd's resources; the defaults suit a robot's computer with 4 GiB.
 
     Raises ConfigurationError, naming the key, for a value of the wrong type or out of range, and for two
     values that contradict each other.
@@ -78,7 +78,7 @@ class Limits(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     declarations that its other limits allow.
     """
     declarations_per_s_per_user: _Count = 4000
-    """Declarations and questions of one user's processes in a second, as those of one process."""
+    """The same for all processes of one user together."""
     schema_bytes: _Bytes = 256 * _KiB
     """Size in bytes of one message type's schema."""
     message_bytes: _MessageBytes = 64 * _MiB
@@ -110,7 +110,7 @@ class Limits(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     lease_s: _Seconds = 10.0
     """Seconds of silence after which nothing waits for a process any more."""
     drain_s: _Seconds = 1.0
-    """Seconds that busd, when it ends, gives processes to take what waits for them."""
+    """Seconds that busd, when it ends, gives processes to take the data that waits for them."""
 
     @property
     def bytes_per_user(self) -> int:
@@ -202,7 +202,7 @@ def rules_for(topic: str, rules: Collection[TopicRule]) -> TopicCaps:
 
 
 def _settle(table: str, struct: msgspec.Struct) -> None:
-    # msgspec checks what it decodes only, and an int is welcome where seconds are a float.
+    # msgspec only checks values that it decodes. Seconds, a float, may also be an int.
     for field in structs.fields(struct):
         value = checked(f"{table}.{field.name}", getattr(struct, field.name), field.type)
         structs.force_setattr(struct, field.name, value)

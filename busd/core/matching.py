@@ -50,7 +50,7 @@ def incompatibility(publisher: Publisher, subscription: Subscription) -> tuple[s
 def make_match(
     now_ns: int, graph: Graph, publisher: Publisher, subscription: Subscription, out: list[Effect]
 ) -> int:
-    """Make the match, or tell both why there is none; returns what that costs."""
+    """Make the match, or tell both ends why there is none; returns the cost."""
     is_plain = publisher.node.origin is None and not subscription.is_tap
     if not (is_plain or are_for_each_other(publisher, subscription)):
         return MATCH
@@ -113,9 +113,9 @@ def make_match(
 def _repeated_from(publisher: Publisher, subscription: Subscription) -> int | None:
     """The number after which the publisher is to repeat its samples to a subscription that is back.
 
-    None: the subscription has missed nothing, or the publisher keeps nothing for it. Samples that went by a
-    ring are still there. So, if there was one, busd must know that this subscription got its own by socket:
-    busd has seen that, or the publisher has said so.
+    None: the subscription has missed nothing, or the publisher keeps nothing for it. Samples in a ring
+    are still there. So if there was a ring, busd must know that this subscription used the socket: busd has
+    seen that, or the publisher has said so.
     """
     received_seq = subscription.last_seqs.get(publisher.gid)
     if (
@@ -136,12 +136,12 @@ def _repeated_from(publisher: Publisher, subscription: Subscription) -> int | No
 
 
 def _as_offered(qos: QoSProfile, offered: QoSProfile) -> QoSProfile:
-    """What a subscription that takes any history requests of the publisher that offers this."""
+    """The request, to a publisher with this offer, of a subscription that takes any history."""
     return structs.replace(qos, durability=offered.durability)
 
 
 def can_share(publisher: Publisher, subscription: Subscription) -> bool:
-    """Whether the match goes by shared memory: both processes can, and belong to one user.
+    """Whether the match uses shared memory: both processes can, and belong to one user.
 
     An older program would wait for a silent process for ever; by socket busd prevents that.
     """

@@ -21,7 +21,7 @@ from busd.core.work import RUNS_AT_ONCE, RUNS_PER_UNIT, Work
 
 _MANY_QUEUES = 64
 _MOST_DROPPED = 1024
-"""Runs that a queue drops one by one for its quota: so no more than a millisecond is spent on that."""
+"""Runs that a queue drops one by one for its quota: they take at most a millisecond."""
 
 _T = TypeVar("_T")
 

@@ -1,9 +1,9 @@
 """Places of lossless subscriptions of lost processes: their publishers keep them for the lease.
 
 The publisher keeps the samples, within its window. busd says for how long (Unmatched), and tells it at once
-if the process has ended: then nothing waits for that. If the publisher is lost, too, before it has repeated
-what a subscription has missed, and does not come back in time, busd counts that as lost. Must not know what
-happens when a subscription is back (`busd.core.matching`).
+if the process has ended: then nothing waits for the process. The publisher may be lost, too, before it has
+repeated the missed samples. If it does not come back in time, busd counts them as lost. Must not know how a
+subscription that is back is handled (`busd.core.matching`).
 """
 
 from collections import deque
@@ -19,8 +19,7 @@ from busd.core.timers import Timers
 from busd.core.work import LOOKS_PER_UNIT, TELL, Meter, Rounds
 
 MOST = 16_384
-"""Places in all. If there are more, publishers go on without the subscriptions of the process that was lost
-first."""
+"""Places in all. Above that, publishers go on without the subscriptions of the process lost first."""
 
 _LOOK_NS = 50_000_000
 """So long until the first look whether the process lives, because a killed process ends a moment after its

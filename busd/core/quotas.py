@@ -26,7 +26,7 @@ _LONGEST_PAUSE_NS = 1_000_000_000
 _LEASE_PART = 4
 _HANDSHAKE_PART = 4
 _MISHAPS = 10
-"""Lines in a burst about connections of a user that came to nothing; else one in a second."""
+"""Log lines in a burst about failed connections of a user; else one in a second."""
 _QUESTIONS_PART = 2
 """At once, a process may ask the questions of one second divided by this."""
 _DECLARATIONS_PER_ENDPOINT = 4
@@ -320,7 +320,7 @@ class Quotas:
 
 
 def _is_news(now_ns: int, holder: Holder, resource: str) -> bool:
-    """Whether to log that `holder` is at that limit: the first time, and after it was not for a while."""
+    """Whether to log that `holder` is at that limit: the first time, and again after a while below it."""
     last_ns = holder.hit_ns.get(resource)
     holder.hit_ns[resource] = now_ns
     return last_ns is None or now_ns - last_ns >= LOG_AGAIN_NS

@@ -19,7 +19,7 @@ class TokenBucket:
         self.resize(rate, burst)
 
     def resize(self, rate: int, burst: int) -> None:
-        """Take these from now on; what is owed stays owed."""
+        """Use this rate and burst from now on; tokens taken in advance stay owed."""
         self._step_ns = _SECOND_NS // rate
         self._burst_ns = burst * self._step_ns
 
@@ -45,7 +45,7 @@ class TokenBucket:
         return max(self._full_ns - now_ns - self._burst_ns, 0)
 
     def take(self, now_ns: int, tokens: int) -> None:
-        """Take as many, whether they are there or not; the debt is at most what one second brings."""
+        """Take `tokens`, whether they are there or not; the debt is at most the tokens of one second."""
         full_ns = max(self._full_ns, now_ns) + tokens * self._step_ns
         self._full_ns = min(full_ns, now_ns + self._burst_ns + _SECOND_NS)
 

@@ -264,7 +264,7 @@ class Registry:
             endpoint.has_left = not is_lost
             gap = 0 if is_lost else endpoint.conclude()
             self._absentees.go(endpoint)
-            # Taps first: a bridge keeps what waits of a publisher that has no match with its tap any more.
+            # Taps first: a bridge keeps waiting messages of a publisher that its tap no longer matches.
             for match in sorted(endpoint.matches.values(), key=_IS_OF_TAP, reverse=True):
                 if not match.has_ended:
                     self._router.settle(now_ns, match)
@@ -297,7 +297,7 @@ class Registry:
         yield ENDPOINT
 
     def _free_gid(self, now_ns: int, peer: Peer, gid: bytes, out: list[Effect]) -> Steps:
-        """Raises RefusedForNow if an endpoint has that gid: a mirror comes by one way only.
+        """Raises RefusedForNow if an endpoint has that gid: only one bridge may mirror an endpoint.
 
         Endpoints of a process that has gone are removed first: a bridge may be back.
         """
@@ -332,7 +332,7 @@ class Registry:
         for gid in (message.gid, stands_for or message.gid):
             if len(gid) != _GID_BYTES:
                 raise RemoteProtocolError(f"gid of {len(gid)} bytes, a gid has {_GID_BYTES}")
-        # First of all: what a limit says depends on what there is, also on a topic that is hidden.
+        # Before the limits: their texts depend on present endpoints, also of a hidden topic.
         self._access_guard.admit(node, "publish" if does_publish else "subscribe", topic.name, out)
         matches = len(topic.subscriptions if does_publish else topic.publishers)
         if not peer.is_guest:
@@ -364,7 +364,7 @@ class Registry:
 
 
 def _introduce(node: Node, other: Node, out: list[Effect]) -> None:
-    """Tell the process of `node`, once and if it may see that, that `other` has the same name."""
+    """Tell the process of `node` once that `other` has the same name, if it may see `other`."""
     mine, its = node.peer, other.peer
     # The same process may come back by another connection before busd saw the old one end.
     is_back = mine is not its and mine.process == its.process

@@ -1,10 +1,10 @@
 """The hot path: a run of samples from a publisher to the queues of its matched subscriptions.
 
 Costs one step per run and subscription, whatever the number of samples in the run; no payload is decoded. If
-the subscriptions are many, the publisher's turn pays for a step per run and *process*, and each process hands
-the run to its subscriptions in its own turns (`busd.core.crowd`). A queue that a run overfills is not trimmed
-at once. The shell first sends as much as the subscriber's socket takes, then calls `trim`. So a subscriber
-that keeps up loses nothing to batching.
+there are many subscriptions, the publisher's turn pays for one step per run and *process*. Then each process
+hands the run to its subscriptions in its own turns (`busd.core.crowd`). A queue that a run overfills is not
+trimmed at once. The shell first sends as much as the subscriber's socket takes, then calls `trim`. So a
+subscriber that keeps up loses nothing to batching.
 """
 
 from collections.abc import Callable, Iterable

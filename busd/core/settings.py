@@ -21,7 +21,7 @@ from busd.core.work import Work
 
 
 class AccessReview:
-    """Checks after a change of the access rules what peers have already.
+    """Checks the present endpoints and views of peers after a change of the access rules.
 
     `cut` ends the connection of a peer, for a reason; effects go to `out`.
     """
@@ -50,7 +50,7 @@ class AccessReview:
                 self._tasks.begin(peer.id, self._review(peer), is_first=True)
 
     def _review(self, peer: Peer) -> Work:
-        """Cut off a peer that has what the rules deny; back again, it is refused that."""
+        """Cut off a peer that has something that the rules deny. When it is back, busd refuses that."""
         fault = yield from self.guard.find_fault(peer)
         if fault:
             now_ns = yield 0

@@ -1,9 +1,9 @@
 """Silence: processes that were not heard for their lease, and publishers that must not wait for them.
 
 A silent process is there as long as its connection is: it may be busy, or stopped, and wake up. So it keeps
-its nodes, endpoints and matches. Only what waits for it goes on without it: a lossless publisher stops
-waiting for its lossless subscriptions until it is heard again. Samples that they miss are counted at the
-place of the loss, as with any slow subscription. (The leases of publishers are in `busd.core.leases`.)
+its nodes, endpoints and matches. But nothing waits for it: a lossless publisher goes on without its lossless
+subscriptions until busd hears it again. Samples that they miss are counted at the place of the loss, as with
+any slow subscription. (The leases of publishers are in `busd.core.leases`.)
 """
 
 import logging
@@ -40,7 +40,7 @@ class Silences:
         self._lives = lives
         self._evict = evict
         self._looks: list[int] = []  # times of the looks for silent processes, the next one at the end
-        # of processes that fell silent or are heard again, through the matches whose publishers wait for them
+        # for processes that fell silent or are heard again: rounds through matches with waiting publishers
         self._rounds = Rounds(timers, meter, self._report_one, few=_FEW, price=2 * TELL)
 
     def watch(self, now_ns: int, peer: Peer) -> None:

@@ -1,8 +1,7 @@
 """The graph as one answer: taken at one moment, put together in pieces.
 
-Only the tables are copied at once, which is quick. Making the records and encoding them is what takes long;
-that is done a few at a time. A record never changes, except its statistics, which are of the
-moment when it is made.
+Only the tables are copied at once, which is quick. Making and encoding the records takes long, so busd does
+it in pieces. A record never changes, except its statistics, which are of the moment when it is made.
 """
 
 from collections.abc import Container, Generator, Iterable, Iterator

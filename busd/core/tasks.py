@@ -1,9 +1,9 @@
 """Work for peers that is done in pieces: tasks that wait for the next turn of their peer.
 
-A peer has one task at a time for what it has asked for, or for what its end leaves behind; before that is
-done, nothing else that it sends is handled. Beside it there may be feeds (samples that wait for the peer).
-They get half of each turn. Also owns the effects that are withheld from a peer while its task makes
-something: first all others learn of it. Must not know what the work does.
+A peer has one task at a time: for its request, or for the work that its end leaves. Until the task is done,
+busd handles nothing else from the peer. Beside it there may be feeds (samples that wait for the peer). They
+get half of each turn. Also owns the effects that are withheld from a peer while its task makes something:
+first all others learn of it. Must not know what the work does.
 """
 
 from collections import deque
@@ -111,7 +111,7 @@ class Tasks:
                 self.feed(now_ns, peer_id)
 
     def drop(self, peer: Peer) -> None:
-        """The peer goes, and with it all work begun for it."""
+        """Forget all work begun for a peer that leaves."""
         self.unfinished.pop(peer.id, None)
         self.feeds.pop(peer.id, None)
         self.withheld.pop(peer.id, None)

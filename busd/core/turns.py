@@ -3,10 +3,10 @@
 A *party* is one process; more connections give it no more. Work is counted in units of about a microsecond
 (`busd.core.work`), so all of this is the same on any machine, and no clock is read here.
 
-A party that asks for little is served at once, out of an allowance that fills up again with time. One that
-has used it up, or that leaves work behind, stands in the line. The shell serves one turn of the line between
-two looks at its sockets. So a party within its allowance waits for the turn that is being served, at most one
-or two. A party that has used it up waits, with n parties in the line, for the n - 1 turns of the others.
+A party that asks for little is served at once, out of an allowance that fills up again with time. A party
+that has used it up, or that leaves work behind, waits in the line. The shell serves one turn of the line
+between two looks at its sockets. So a party within its allowance waits for the current turn, at most for two.
+A party that has used it up waits, with n parties in the line, for the n - 1 turns of the others.
 """
 
 from collections import deque
@@ -19,7 +19,7 @@ __all__ = ["BUDGET", "Party", "Turns"]
 BUDGET = 250
 """Work of one turn: short enough for others to wait for, long enough to make changing turns cheap."""
 _REFILL_NS = 10_000
-"""The time in which one unit comes back: so a party may use a tenth of busd's time without standing in
+"""The time in which one unit comes back: so a party may use a tenth of busd's time without waiting in
 line."""
 
 Job = TypeVar("Job", bound=Hashable)
@@ -28,7 +28,7 @@ Job = TypeVar("Job", bound=Hashable)
 class Party(Generic[Job]):
     """One process: the jobs that wait for its turn, and the work that it may cause before it has to wait.
 
-    A step that costs more than what is left makes `left` negative; that is taken off the turns that follow.
+    A step that costs more than `left` makes it negative; later turns get so much less.
     """
 
     __slots__ = ("__weakref__", "_refilled_ns", "is_in_line", "jobs", "left")
@@ -41,7 +41,7 @@ class Party(Generic[Job]):
         self._refilled_ns = 0
 
     def refill(self, now_ns: int) -> None:
-        """Add what has come back since the last time."""
+        """Add the units that have come back since the last call."""
         units = (now_ns - self._refilled_ns) // _REFILL_NS
         if units:
             self._refilled_ns = now_ns

@@ -17,7 +17,7 @@ T = TypeVar("T")
 FRAME = 3
 """A control frame, whatever it says."""
 MATCH = 24
-"""A match is made, or found incompatible, and both are told."""
+"""A match is made, or found incompatible, and both ends are told."""
 UNMATCH = 16
 TELL = 2
 """One more peer gets a message."""
@@ -37,20 +37,20 @@ QUEUES_PER_UNIT = 2
 LOOKS_PER_UNIT = 16
 """Entries of a table that are only looked at."""
 RULES_PER_UNIT = 2
-"""Rules of access that are held against a topic."""
+"""Rules of access that are compared with a topic."""
 
 Work: TypeAlias = Generator[int, int, None]
-"""Long work in pieces: yields what the last piece cost, and is sent the present time in ns.
+"""Long work in pieces: yields the cost of the last piece, and is sent the present time in ns.
 
-While it stands still, other peers are served: each piece must leave the tables whole, and must not rely on
-what it saw before its last yield.
+While it waits, other peers are served: each piece must leave the tables whole, and must read again the values
+that it read before its last yield.
 """
 
 UNLIMITED = 1 << 62
 
 
 class Meter:
-    """The work that may still be done in this turn. The core takes off what it does; the shell sets it."""
+    """The work that may still be done in this turn. The core subtracts the work done; the shell sets it."""
 
     __slots__ = ("left",)
 
@@ -61,8 +61,8 @@ class Meter:
 class Rounds(Generic[S, T]):
     """Rounds through many things, `few` at a time: the first at once, the others between other work.
 
-    One round ends before the next one begins. `visit(now_ns, subject, thing)` is called for each thing, and
-    `price` is what that costs: a thing may have gone since its round began.
+    One round ends before the next one begins. `visit(now_ns, subject, thing)` is called for each thing, at
+    the cost `price`. A thing may have gone since its round began.
     """
 
     def __init__(

@@ -39,7 +39,7 @@ _MOST_WAITING = 1000
 _TELL_S = 1.0
 """How long after the last line the log says how many were left out; with another line it says so at once."""
 _FLUSH_S = 2.0
-"""How long busd waits at its end for what is not written yet."""
+"""How long busd waits at its end for unwritten lines."""
 _TEXT = "[%(levelname)s] [%(created).9f] [%(name)s]: %(message)s"
 _FIELDS = ("peer", "left_out")
 """Further fields of a record: the process (pid) it is about, and the number of lines left out."""
@@ -65,9 +65,9 @@ def set_up(level: str, form: str, path: Path | None = None) -> None:
 class _Lines(logging.Handler):
     """Gives lines to a thread, which calls `write` for each; and bounds them.
 
-    Peers can cause short printable lines only, and not too many in a second. Errors always come through, and
-    so do debug lines, which were asked for; but no more lines wait than there is room for. Lines left out are
-    counted, and so are lines for which `write` raises OSError.
+    Peers can cause short printable lines only, and not too many in a second. The limit of lines in a second
+    does not apply to errors, and not to debug lines, which were asked for. A bounded number of lines waits.
+    Lines left out are counted, and so are lines for which `write` raises OSError.
     """
 
     def __init__(self, write: Callable[[bytes], None]) -> None:
@@ -88,7 +88,7 @@ class _Lines(logging.Handler):
             if not self._has_room(record):
                 self._left_out += 1
                 if self._left_out == 1:
-                    self._changed.notify_all()  # from now on the time runs after which the log says so
+                    self._changed.notify_all()  # starts the time after which the log says so
                 return
             self._write_left_out()
             self._put(record, 1)
@@ -173,7 +173,7 @@ class _Stderr:
     def __init__(self, path: Path | None) -> None:
         # Without a stderr, descriptor 2 may be anything by now.
         self._fd = -1 if sys.stderr is None else 2
-        self._is_broken_off = False  # a line that there was no room for: the next one begins anew
+        self._is_broken_off = False  # whether the end of the last line is missing
         self._path = path if path is not None and is_log(self._fd) else None
         if self._path is not None and not _is_at(self._fd, self._path):
             self._go_on(MOST_BYTES)  # it is in memory, or was removed: try again now, as a restart does

@@ -1,8 +1,8 @@
-"""A busd that begins anew: the same process runs the program again, and keeps what it listens on.
+"""Restarts busd: the same process runs the program again, and keeps its listening socket.
 
 Owns the command line of the next busd, the check whether that can start, and the exec. Must not know what the
-daemon serves, nor how it ends. So a restart runs what is installed now, no client's connect fails meanwhile,
-and no other busd gets in between.
+daemon serves, nor how it ends. So a restart runs the release installed now, no client's connect fails
+meanwhile, and no other busd gets in between.
 """
 
 import asyncio

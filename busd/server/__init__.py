@@ -10,11 +10,10 @@ Invariants:
 
 - No module here decides about routes, matches or rights: the core does.
 - Effects are carried out in their order; clients rely on it.
-- A socket is read only when its process has its turn, and not while the process does not take what is sent to
-  it.
+- A socket is read only when its process has its turn, and not while the process takes no data from busd.
 - A connection before its Hello has one of a fixed number of places, never a peer's.
-- Descriptors are checked before the core sees them. A descriptor whose closing may block is closed by a
-  thread (`strangers.py`).
+- Descriptors are checked before the core sees them. Threads close descriptors whose
+  closing may block (`strangers.py`).
 - One busd serves a path: it holds the lock beside the socket (`listener.py`).
 
 Read first: `serving.py`, then `peer.py` and `effect_runner.py`.

@@ -3,9 +3,9 @@ in.
 
 Owns the readiness of the listening socket, and the connections that are not let in yet. For such a connection
 busd holds the descriptor, and bytes only while a part of its Hello is missing. It has one of a fixed number
-of places (`busd.core.anteroom`), never one of a peer. All of them together may take a part of the processor's
-time; above that, new ones wait in the backlog. So a storm of them leaves the rest of the time to peers. Must
-not know what is said after Hello, nor what a user may do.
+of places (`busd.core.anteroom`), never one of a peer. All such connections together may take a part of the
+processor's time; above that, new ones wait in the backlog. So a storm of connections leaves the rest of the
+time to peers. Must not know messages after Hello, nor the permissions of users.
 """
 
 import asyncio
@@ -142,8 +142,8 @@ class Admission:
         return most
 
     def close(self) -> None:
-        """Accept no more, and close connections that were not let in, without a word: another busd may serve
-        them.
+        """Accept no more, and close connections that were not let in, without a message: another busd may
+        serve them.
 
         Their clients try again, like clients in the backlog of a busd that ends.
         """

@@ -1,7 +1,7 @@
 """Carries out the effects of the core: messages and runs go to the sockets, in an order that peers rely on.
 
-Owns the list of connections that are not flushed yet. Decides nothing; matters of busd as a whole are for the
-server.
+Owns the list of connections that are not flushed yet. Decides nothing; the server carries out effects for
+busd as a whole.
 """
 
 import logging
@@ -24,7 +24,7 @@ _WRITE = 4
 
 
 class EffectHost(Protocol):
-    """Results of effects besides messages."""
+    """The effects other than messages and runs, for the server to carry out."""
 
     def serve_later(self, peer: PeerId) -> None:
         """The core has begun something for that peer, present or gone."""
@@ -114,7 +114,7 @@ class EffectRunner:
         self.flush()
 
     def _relieve(self, connection: PeerConnection) -> None:
-        """Too many control frames wait for a user's peers: cut off the one for which most wait."""
+        """Too many control frames wait for a user's peers: cut off the peer with most of them."""
         connection.stream.flush()
         if connection.is_user_over:
             whole = connection.account.parent

@@ -17,7 +17,7 @@ class LifeState(Enum):
     SERVING = "serving"
     """Programs connect and are served."""
     STOPPING = "stopping"
-    """busd no longer listens. Peers have some time to finish sending and to read what waits for them."""
+    """busd no longer listens. Peers have some time to finish sending and to read waiting data."""
     HURRIED = "hurried"
     """The same, but this time is over: busd closes all connections."""
     RESTARTING = "restarting"

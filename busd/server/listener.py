@@ -1,12 +1,12 @@
 """The listening UNIX socket: opened by us or by a service manager, and ours alone while we live.
 
-Owns the socket file, its folder and the lock that settles which daemon serves a path. Must not know what is
-said on the connections.
+Owns the socket file, its folder and the lock that settles which daemon serves a path. Must not know the
+messages on the connections.
 
 Invariants:
 - A process holds an exclusive flock on "<path>.lock" while it binds, replaces or removes the socket file. The
-  kernel ends the lock with the process, however that dies: so what we find at the path, once we hold the
-  lock, is a dead daemon's.
+  kernel ends the lock with the process, however that dies. So a file at the path belongs to a dead daemon
+  once we hold the lock.
 - A lock file counts only while it is the one at its path: its holder removes it at the end. A process that
   gets the flock afterwards looks whether the file is still there, and begins again if not.
 - A folder in which other users than this one and root could replace our files is refused.
@@ -178,7 +178,7 @@ def _activated(environ: MutableMapping[str, str]) -> Listener | None:
 
 
 def _inherited(path: Path, environ: MutableMapping[str, str]) -> Listener | None:
-    """The bequeathed socket, if it is for `path` and still in place; else the socket is made anew."""
+    """The bequeathed socket, if it is for `path` and still in place; otherwise busd makes a new one."""
     pid, *numbers = environ.pop(_HANDOVER, "").split() or [""]
     if pid != str(os.getpid()):
         return None
@@ -302,7 +302,7 @@ class _Lock:
         os.close(self._fd)
 
     def _try(self, path: Path) -> int | None:
-        # O_NONBLOCK: a pipe that stands there must not hang us before we have looked at it.
+        # O_NONBLOCK: a pipe at this path must not block us before we have looked at it.
         flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
         fd = os.open(self._path, flags, 0o600)
         is_ours = False

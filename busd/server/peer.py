@@ -115,8 +115,8 @@ class PeerConnection:
     `party` is its process, among the processes that take turns. `control` is charged with the control frames
     that wait for it, `unfinished` with messages that have not come whole.
 
-    While it `is_held`, busd neither reads it nor handles what was read: it has asked too often (`pause`), or
-    it does not take what is sent to it (`put`).
+    While it `is_held`, busd neither reads it nor handles data already read: it has asked too often (`pause`),
+    or it does not take the frames sent to it (`put`).
     """
 
     def __init__(
@@ -264,7 +264,7 @@ class PeerConnection:
             self.stream.drain_input()
 
     def close(self) -> None:
-        """Send what can be sent at once, and close."""
+        """Send as much as the socket takes at once, and close."""
         self._let_go()
         self.stream.close()
 

@@ -31,7 +31,7 @@ class RequestHost(Protocol):
 class Requests:
     """`find_fault` gives the reason against a restart, or "" (None: no restart is possible).
 
-    `reload` gives what has changed, or raises ConfigurationError.
+    `reload` returns the changes, or raises ConfigurationError.
     """
 
     def __init__(

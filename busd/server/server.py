@@ -166,7 +166,7 @@ class Server:
     # --- connections that are there (PeerHost, EffectHost)
 
     def note_alive(self, connection: PeerConnection) -> None:
-        """A peer that is not read now takes what is sent to it: that is a sign of life."""
+        """A peer that busd does not read now takes data: that is a sign of life."""
         self._effects.carry_out(self._broker.note_alive(monotonic_ns(), connection.id))
         self._effects.flush()
 
@@ -181,7 +181,7 @@ class Server:
         pid = connection.credentials.pid
         _log.log(level, "%s pid %d: %s", what, pid, reason, extra={"peer": pid})
         if self.is_ending:
-            return  # its data still goes to the others, as if it were there
+            return  # its data still goes to the others
         del self._peers[connection.id]
         self.serving.remove(connection)
         self._watch_idle()

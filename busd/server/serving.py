@@ -1,4 +1,4 @@
-"""Feeds the core with what peers send, in turns, and charges each process for the work that it causes.
+"""Feeds the core with the data of peers, in turns, and charges each process for the work that it causes.
 
 Owns the order: which peer is read, handled and gone on with next (`busd.core.turns`). A process within its
 allowance is served at once, any other in its turn; until then its sockets are left alone. Must not know how
@@ -94,7 +94,7 @@ class Serving:
         return False
 
     def receive(self, connection: PeerConnection, count: int) -> None:
-        """Handle the `count` bytes that were read, as far as the party's allowance goes."""
+        """Handle the `count` bytes that were read, as far as the party's allowance lets it."""
         party, meter, session = connection.party, self._broker.meter, connection.stream.session
         self._payer = party
         meter.left = party.left - _READ
@@ -195,7 +195,7 @@ class Serving:
                     with self._metered(party):
                         self._go_on(job)
                         self._effects.flush()
-        finally:  # whatever went wrong for one of them, the others get their turns
+        finally:  # whatever went wrong for one party, the others get their turns
             turns.end(party)
             self._is_scheduled = bool(turns)
             if turns:

@@ -27,7 +27,7 @@ class Drain:
 
     `on_poll` is called each time that they are looked at again. `on_heard` is called, at least once, after
     all data from peers was read. `longest_s`: data that peers have not taken by then is left, and the log
-    says how much. A peer has half of that time to heed Leaving.
+    says how much. A peer has half of that time to react to Leaving.
     """
 
     def __init__(

@@ -1,13 +1,13 @@
 """Descriptors that peers send: separate threads close descriptors of strange files.
 
-To close a file can take as long as its owner likes: a file of a file system in a user's process (FUSE), a TCP
+Closing a file can take as long as its owner likes: a file of a file system in a user's process (FUSE), a TCP
 socket with SO_LINGER and unread bytes. That is also true if the kernel closes descriptors that were not
-received or not read. So busd receives all descriptors that come with what it reads, and empties a connection
-before it closes it. What is known to close at once is closed at once: a thread costs this process more. Owns
-which files are strange, and the threads. Must not know which messages bring descriptors.
+received or not read. So busd receives all descriptors that come with the data that it reads, and empties a
+connection before it closes it. busd itself closes files that are known to close at once: a thread costs more.
+Owns which files are strange, and the threads. Must not know which messages bring descriptors.
 
-No more than `_MOST` wait to be closed. If that many do, and none of them is closed within `_PATIENCE_S`, the
-kernel closes new ones: it does not wait for file systems then, but for sockets that linger.
+At most `_MOST` files wait to be closed. If that many do and none is closed within `_PATIENCE_S`, the kernel
+closes new ones. In this case it does not wait for file systems, but it does for sockets that linger.
 """
 
 import fcntl
@@ -56,7 +56,7 @@ class Stranger(Descriptor):
 class Strangers:
     """Takes descriptors (`bus.transport.stream.Taker`).
 
-    Threads close the strange: one more if all are busy, and none while there is nothing to do.
+    Threads close strange files: one more if all are busy, and none while there is nothing to do.
     """
 
     def __init__(self) -> None:
@@ -72,7 +72,7 @@ class Strangers:
         return Stranger(number) if _is_strange(number) else Descriptor(number)
 
     def drop(self, numbers: Sequence[int]) -> None:
-        """Close descriptors that have come. Many at a time are not looked at first: a thread does that."""
+        """Close received descriptors. If there are many, a thread closes them all, without a check."""
         if len(numbers) > _FEW:
             self.hand_over(numbers)
         else:
@@ -126,7 +126,7 @@ class Strangers:
             try:
                 received, numbers = self._receive(sock, _SCRAP_BYTES)
             except ConnectionResetError:
-                continue  # is told once, before what there is to read
+                continue  # the kernel reports this once, before the data
             except OSError:
                 return None
             if numbers or not received:
@@ -198,4 +198,4 @@ def _close(numbers: Sequence[int]) -> None:
 
 
 strangers = Strangers()
-"""Of this process, whose descriptors they are."""
+"""Shared by all connections: descriptors belong to the process."""

@@ -144,7 +144,7 @@ class AccessDenied(BusError):
 
 
 class SharedMemoryError(BusError, OSError):
-    """The machine has no memory, or this process no descriptor, for what is to be shared.
+    """The machine has too little memory, or this process no free descriptor, for shared memory.
 
     If `publish` raises it, the message was not published; the publisher is still usable.
     """

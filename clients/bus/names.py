@@ -286,7 +286,7 @@ def _invalid(what: str, name: str, fault: _Fault, *, typed: str | None = None) -
     rule, index = fault
     # Names come from the wire, too: show enough for the caret, not a megabyte.
     length = max(index + 1, _SHOWN_LENGTH)
-    # One column for each character, so that the caret is at the right place.
+    # With one column for each character, the caret is at the right place.
     shown = "".join(
         letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}" for letter in name[:length]
     )

@@ -139,7 +139,7 @@ def _run(main: Coroutine[Any, Any, T]) -> T:
 def _report(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
     """Report an error as asyncio does, but not the SystemExit of a task: it has already ended the run.
 
-    A program's own signal handler may raise it in any task, those of `bus` included.
+    A program's own signal handler may raise SystemExit in any task, also in a task of `bus`.
     """
     if not isinstance(context.get("exception"), SystemExit):
         loop.default_exception_handler(context)

@@ -145,7 +145,7 @@ class Timer:
         try:
             self._call()
         finally:
-            # After the call, so that this comes sooner. The call itself may have canceled or reset the timer.
+            # Only now, to start the call sooner. The call itself may have canceled or reset the timer.
             if self._alarm is None and not self.is_canceled:
                 self._arm()
 

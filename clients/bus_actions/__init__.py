@@ -23,7 +23,7 @@ Invariants:
 - A goal changes its state only by the table in `goal_state.py`; names and numbers are ROS 2's.
 - `goal_state.py`, `goal_table.py` and `graph.py` are pure. rclpy's actions (`bus_ros`) use them, too.
 - The number of active goals and the time for which results stay are bounded.
-- The endpoints of one end appear in a fixed order, so that whoever sees the last one finds all of them.
+- The endpoints of one end appear in a fixed order: a program that sees the last one finds all of them.
 
 Read first: `goal_state.py`, then `server.py`.
 

@@ -52,7 +52,7 @@ class Executions(Generic[T]):
     def stop(self) -> tuple[list[T], list[T]]:
         """Cancel all tasks except the calling one.
 
-        Returns the goals that waited, which are not begun any more, and those with a task.
+        Returns the goals that waited, which will not begin, and the goals with a task.
         """
         waiting, self._waiting = list(self._waiting), deque()
         for task in self._others():

@@ -57,7 +57,7 @@ class TooManyGoals(LocalProtocolError):
 class Goal:
     """One goal. Only its table changes `status`; `told` is its encoded entry in status messages.
 
-    `told` is None if the entry must be encoded anew.
+    `told` is None if the entry must be encoded again.
     """
 
     __slots__ = ("ended_ns", "id", "stamp_ns", "status", "told")

@@ -97,7 +97,7 @@ def _both(ours: Any, theirs: Any) -> Any:
 
 
 def _table(name: str, table: object, kind: type[T], folder: Path) -> T:
-    """Convert a table. It converts inner tables first, so that errors name the inner key."""
+    """Convert a table. It converts inner tables first: then errors name the inner key."""
     fields = {field.name: field for field in structs.fields(kind)}
     entries = dict(check_keys(f"{name}.", table, {key: key for key in fields}))
     topics, tls = entries.pop("topics", []), entries.pop("tls", {})
@@ -114,7 +114,7 @@ def _table(name: str, table: object, kind: type[T], folder: Path) -> T:
 
 
 def _rule(name: str, table: object) -> TopicRule:
-    """One rule. It converts the inner tables first, so that errors name the inner key."""
+    """One rule. It converts the inner tables first: then errors name the inner key."""
     if isinstance(table, dict):
         ends = {end: table[end] for end in ("publisher", "subscription") if end in table}
         table = table | {end: filled(f"{name}.{end}", one, QosRule) for end, one in ends.items()}

@@ -68,11 +68,11 @@ class Ros2Table(BridgeTable, frozen=True, kw_only=True):
     peers: tuple[str, ...] = ()
     """Addresses of machines with ROS 2, for networks without multicast."""
     discovery_servers: tuple[str, ...] = ()
-    """Discovery Servers of Fast DDS, which tell of all nodes; added to those of $ROS_DISCOVERY_SERVER."""
+    """Discovery Servers of Fast DDS, which tell of all nodes; added to the ones in $ROS_DISCOVERY_SERVER."""
     distro: Literal["auto", "humble"] | None = None
     """`humble`: the far side uses Humble's form of the graph."""
     carrier: Literal["auto", "cyclonedds", "rtps"] | None = None
-    """What carries topics."""
+    """The carrier of topics."""
     rmw: Literal["dds", "zenoh"] | None = None
     """The middleware of ROS 2's nodes."""
     connect: tuple[str, ...] = ()

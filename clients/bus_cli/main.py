@@ -415,7 +415,7 @@ def _no_arguments() -> ArgumentParser:
 
 
 def _name(choices: "_SubParsersAction[Any]", word: str, text: str) -> None:
-    """Offer a word that was not typed, as `add_parser` does, but without a slow parser of its own."""
+    """Offer a word that was not typed, as `add_parser` does, but without the cost of another parser."""
     choices._choices_actions.append(choices._ChoicesPseudoAction(word, (), text))
     choices._name_parser_map[word] = _no_arguments()
 

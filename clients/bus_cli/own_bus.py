@@ -1,4 +1,4 @@
-"""A bus of its own for one verb, so that it changes nothing on the user's bus."""
+"""A separate bus for one verb, which changes nothing on the user's bus."""
 
 import asyncio
 import signal

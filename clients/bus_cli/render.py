@@ -1,7 +1,7 @@
 """Messages as text: YAML as ros2 prints it, CSV, and plain values for JSON.
 
-A message is first made plain along its schema, because a value does not tell an array of octets from an
-octet; then written. The rules are those of rosidl_runtime_py/convert.py.
+First converts a message to plain values by its schema, because a value alone does not tell an array of octets
+from an octet. Then writes them. The rules are those of rosidl_runtime_py/convert.py.
 """
 
 import sys
@@ -16,7 +16,7 @@ from bus.types.support import type_support
 
 __all__ = ["Budget", "TooManyValuesError", "View", "represent_text", "to_csv", "to_text", "to_yaml"]
 
-# What IDL calls them; the others have the same name there.
+# Names of types in IDL; the others are the same.
 _IDL_NAMES = {"bool": "boolean", "byte": "octet", "char": "uint8", "float32": "float", "float64": "double"}
 
 
@@ -32,7 +32,7 @@ class Budget:
 
 
 class View(msgspec.Struct, frozen=True, kw_only=True):
-    """What of a message is shown. Lengths are of strings and arrays; None shows all of them."""
+    """The parts of a message to show. Lengths are of strings and arrays; None shows all of them."""
 
     truncate_length: int | None = None
     no_arr: bool = False
@@ -98,7 +98,7 @@ class View(msgspec.Struct, frozen=True, kw_only=True):
         return shown if len(shown) == len(value) else f"{shown}..."
 
     def _anything(self, value: Any) -> Any:
-        """A value whose schema says too little: it goes by what it is."""
+        """A value whose schema says too little: its class decides."""
         match value:
             case msgspec.Struct():
                 schema = type_support(type(value)).schema
@@ -117,7 +117,7 @@ class View(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def to_text(plain: Any, *, flow_style: bool = False) -> str:
-    """A field by itself: scalars as they are, but for control characters; the rest as YAML.
+    """A field by itself: scalars as they are, except control characters; the rest as YAML.
 
     Ends with a newline.
     """
@@ -128,7 +128,7 @@ def to_text(plain: Any, *, flow_style: bool = False) -> str:
 def to_yaml(plain: Any, *, flow_style: bool = False) -> str:
     """YAML as ros2 prints it: fields in their order, nothing wrapped, no aliases.
 
-    Control characters are escaped as YAML has it, so that a reader gets the same texts.
+    Control characters are escaped as in YAML: a reader gets the same texts.
     """
     import yaml
 
@@ -141,7 +141,7 @@ def to_yaml(plain: Any, *, flow_style: bool = False) -> str:
 def to_csv(plain: Any) -> str:
     """The leaves in their order, separated by commas, on one line; nothing is quoted, as ros2 does.
 
-    Newlines and other control characters but tabs are escaped.
+    Newlines and other control characters, except tabs, are escaped.
     """
     return printable(",".join(str(leaf) for leaf in _leaves(plain)), keep="\t")
 
@@ -181,9 +181,9 @@ def _dumper() -> Any:
 
 
 def represent_text(dumper: Any, text: str, style: str | None = None) -> Any:
-    """For PyYAML: `text` in `style`; in double quotes where `printable` is to escape something in it.
+    """For PyYAML: `text` in `style`, or in double quotes if `printable` must escape something in it.
 
-    PyYAML itself lets some control characters stand, and only there is the escape read as what it stands for.
+    PyYAML itself does not escape some control characters. Escapes are only read in double quotes.
     """
     if printable(text) != text:
         style = '"'

@@ -1,7 +1,7 @@
 """Says on stderr why `echo` prints nothing.
 
 The library itself warns of a mismatch of QoS or type, and names the node. This is about the rest: no node
-publishes, those that do send nothing, or the filter lets nothing through.
+publishes, the publishers send nothing, or the filter lets nothing through.
 """
 
 import asyncio

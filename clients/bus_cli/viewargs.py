@@ -9,7 +9,7 @@ __all__ = ["MOST_VALUES", "add_view_arguments", "view_of"]
 
 TRUNCATE_LENGTH = 128
 MOST_VALUES = 100_000
-"""Of one message as YAML, if its arrays are truncated: it takes some seconds and some 100 MiB."""
+"""Most values of one message as YAML, if its arrays are truncated: they take seconds and some 100 MiB."""
 
 
 def add_view_arguments(parser: ArgumentParser) -> None:

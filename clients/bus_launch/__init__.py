@@ -11,7 +11,7 @@ Invariants:
 
 - Names, arguments and texts are ROS 2's: launch files run unchanged.
 - No process is left behind, however the launch ends, `kill -9` included (`launch/guard.py`).
-- A forked node (`warm.py`) can't be told from one that was started anew. If forking fails, the launch starts
+- A forked node (`warm.py`) behaves exactly like a newly started one. If forking fails, the launch starts
   the node as any other program.
 
 Read first: `launch/core.py`, then `launch/launch_service.py`; docs/launch.md for users' view.

@@ -17,7 +17,7 @@ _FOLDER: Final = str(Path(__file__).with_name("inherited"))
 
 
 def prepare() -> None:
-    """Set the environment of this process: that of a launch's children.
+    """Set the environment of this process, which a launch's children inherit.
 
     PYTHONPATH gets a sitecustomize that fills in ROS 2's modules; PATH the folder of this Python and, without
     a `ros2`, a `ros2` that is `bus`; a workspace around the current folder counts as sourced.

@@ -1,6 +1,7 @@
-"""`python -m bus_launch.python_program [--path=FOLDER] PATH [MODULE:FUNCTION] -- ARGUMENTS`
+"""Runs a program in Python for a launch, and fills in missing modules of ROS 2, as `bus run` does.
 
-A launch uses this to start a program in Python. It fills in missing modules of ROS 2, as `bus run` does.
+    python -m bus_launch.python_program [--path=FOLDER] PATH [MODULE:FUNCTION] -- ARGUMENTS
+
 `--path`: a folder that its modules are imported from. Errors are the program's own.
 """
 

@@ -45,10 +45,10 @@ class Forked:
 
 
 def fork(command: Sequence[str], env: Mapping[str, str] | None, stdout: int, stderr: int) -> Forked | None:
-    """Start a node, in its own process group; None if it must be started as others are.
+    """Start a node, in its own process group; None if the launch must start it as any other program.
 
-    That is: other programs, the first node of a launch, and one with an environment or a current folder that
-    the second did not have.
+    This is so for other programs, for the first node of a launch, and for nodes whose environment or current
+    folder differs from the second node's.
     """
     global _warm
     if tuple(command[: len(START)]) != START:
@@ -70,7 +70,7 @@ def end() -> None:
 
 
 class _Warm:
-    """The process that nodes are forked from, as the launch has it: started with the first that needs it."""
+    """The launch's side of the process that nodes are forked from. Its first `fork` starts it."""
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None
@@ -124,7 +124,7 @@ class _Warm:
                 env=env,
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,  # a node started anew will report any fault of this Python
+                stderr=subprocess.DEVNULL,  # a normally started node will report any fault of this Python
                 pass_fds=[theirs.fileno()],
                 process_group=0,
             )

@@ -21,6 +21,6 @@ def bars_text(values: Sequence[float], top: float | None = None) -> str:
 
 
 def joined(values: Sequence[float], number: int) -> list[float]:
-    """The sums of `number` parts of the values, which are equally long but for rounding."""
+    """The sums of `number` parts of the values, which are equally long except for rounding."""
     ends = [len(values) * place // number for place in range(number + 1)]
     return [sum(values[begin:end]) for begin, end in pairwise(ends)]

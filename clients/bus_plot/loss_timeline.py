@@ -13,7 +13,7 @@ WIDEST_S = 1024
 `earlier`: with losses in every second, that is after 34 hours."""
 _MOST_REASONS = 16
 _OTHER = "other"
-"""For reasons above the bound: programs may report reasons of their own."""
+"""For reasons above the bound: programs may report any reasons."""
 
 
 class Slot(msgspec.Struct, frozen=True, array_like=True):
@@ -51,7 +51,7 @@ class LossTimeline:
         self._tiers: list[dict[int, dict[str, int]]] = [{}]
         """For each width (1 s, 2 s, ...): number of the slot -> messages by reason."""
         self.earlier: dict[str, int] = {}
-        """Losses whose time is not known, or no longer: by reason."""
+        """Losses, by reason, whose time was never known or is no longer kept."""
         self.total = 0
         """How many messages were lost in all."""
         self.newest_s = -1

@@ -33,7 +33,7 @@ class Strip(NamedTuple):
 
 
 def tick_step(span_s: float, most: int = 8) -> int:
-    """Whole seconds between ticks, so that at most `most` fit: 1, 2, 5, 10, 15, 30 s, a minute, ..."""
+    """Whole seconds between at most `most` ticks: 1, 2, 5, 10, 15, 30 s, a minute, ..."""
     steps = (1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400, 43200, 86400)
     return next((step for step in steps if span_s / step <= most), ceil(span_s / most / 86400) * 86400)
 

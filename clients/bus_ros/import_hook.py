@@ -83,7 +83,7 @@ _PARTS_OF: Final = {
         "rclpy",
     ),
 }
-"""Packages that work only with one of busd's under another name: a genuine one does not know them."""
+"""Packages of busd that only work with another package of busd: a genuine one does not know them."""
 
 _ALIASES: Final = {
     **dict.fromkeys(

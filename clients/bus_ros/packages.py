@@ -210,8 +210,8 @@ def source_folder(package: str) -> Path | None:
 def source_programs(folder: Path) -> tuple[list[Executable], set[str]] | None:
     """The Python programs of a CMake package, to run from source, and the names of programs to be compiled.
 
-    The programs can import the modules of the package, and those of the packages that it depends on, if these
-    are in source form, too. Returns None if it is no such package.
+    The programs can import the modules of the package. They can also import modules of packages that it
+    depends on, if these are in source form, too. Returns None if it is no such package.
     """
     from bus_ros import cmakelists  # late: few packages need it
 

@@ -8,7 +8,7 @@
 Invariants:
 
 - `world.py`, `canvas.py`, `frames.py` and `keys.py` know no bus and no page. import-linter checks this.
-- Names, units, speeds and texts are the same as in ROS 2's turtlesim, so that its tutorials fit.
+- Names, units, speeds and texts are the same as in ROS 2's turtlesim, so its tutorials fit.
 - The page has its own thread. The node sends to it, and nothing comes back: a browser changes nothing.
 
 Read first: `world.py`. Tests: `tests/unit/bus_turtlesim/`, `tests/system/test_turtlesim.py`,

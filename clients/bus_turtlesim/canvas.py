@@ -1,4 +1,4 @@
-"""The drawing of the pens: pixels, wherever they are shown."""
+"""The lines that the turtles' pens draw, as pixels. Must not know pages and terminals."""
 
 from typing import NamedTuple
 
@@ -80,7 +80,7 @@ class Canvas:
 def _clipped(
     start: tuple[float, float], end: tuple[float, float], margin: int
 ) -> tuple[tuple[float, float], tuple[float, float]] | None:
-    """The part of a line that can be visible, so that a far end costs nothing; None: no part."""
+    """The part of a line that can be visible: a far end costs nothing. None: no part."""
     first, last = 0.0, 1.0
     for begin, stop in zip(start, end, strict=True):
         way = stop - begin

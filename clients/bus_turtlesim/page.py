@@ -43,7 +43,7 @@ class Page:
         self._frames, self._pictures = Frames(), Pictures()
         self._canvas: Canvas | None = None
         self._scene: tuple[tuple[Seen, ...], Colour] | None = None
-        """None: to be told anew."""
+        """None: viewers get the next scene even if it is unchanged."""
         self._clearings = 0
         self._viewers: set[asyncio.Event] = set()
         self._loop = asyncio.new_event_loop()

@@ -167,14 +167,14 @@ class World:
             raise ValueError(f"Tried to kill turtle [{name}], which does not exist")
 
     def reset(self) -> None:
-        """No turtle, nothing drawn; numbers begin anew."""
+        """Remove all turtles and drawings; numbers start again at 1."""
         self.turtles.clear()
         self.canvas.clear()
         self._last_number = 0
 
 
 def are_finite(*numbers: float) -> bool:
-    """Whether a turtle can go by these numbers."""
+    """Whether a turtle can use these numbers."""
     return all(map(isfinite, numbers))
 
 

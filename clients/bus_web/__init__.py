@@ -14,7 +14,7 @@ Invariants:
 - The server listens on loopback or a UNIX socket only (`place.py`). Each request must pass `gate.py`, which
   looks at the token, Host and Origin.
 - Everything that a client can make the server hold is bounded: connections, frames, messages that wait. A
-  slow client loses messages of its own and delays no other.
+  slow client only loses its own messages, and delays no other.
 - There is one node and one look at the bus a second for all clients, and none without a client.
 - Texts and messages of other programs are data. The page never inserts them as HTML.
 

@@ -53,7 +53,7 @@ class Counters:
         self.aged: EndpointStatistics | None = None
         """The newest recent statistics with ages."""
         self.age_reports: deque[tuple[int, tuple[int, ...]]] = deque()
-        """When ages were reported, and their histogram: those of the last ten seconds."""
+        """The reports of ages in the last ten seconds: their time and histogram."""
         self.meter = Meter()
         self.rates: tuple[float, ...] | None = None
         self.losses: list[tuple[int, int]] = []  # when, and how many in all: of the last seconds
@@ -98,7 +98,7 @@ class Counters:
         self.looked_ns = now_ns
 
     def _note(self, dropped: Mapping[str, int], now_ns: int, looked_ns: int) -> None:
-        """Note what was lost since the look at `looked_ns`; lower counts than before begin anew."""
+        """Note the losses since the look at `looked_ns`. Lower counts than before are a new start."""
         before, self.dropped = self.dropped, dropped
         if dropped == before:
             self.new_losses = {}

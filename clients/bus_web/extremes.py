@@ -1,7 +1,7 @@
 """The least and the greatest value of plotted numbers between two messages that a page shows. Pure.
 
 A page shows at most 20 messages of a topic in a second. Its plots have a line from the least to the
-greatest value of the messages between, so that no spike is missed.
+greatest value of the messages between, so no spike is missed.
 """
 
 from collections.abc import Iterable, Sequence
@@ -16,7 +16,7 @@ MOST_PLOTTED = 8
 """Numbers of one topic; a plot of our page has five."""
 _MOST_MESSAGES = 64
 _MOST_BYTES = 1 << 20
-"""Limits between two messages that the page shows, for each of these is decoded."""
+"""Limits between two messages that the page shows: each of these is decoded."""
 _MOST_DIGITS = 9
 _EXACT = 1 << 53
 
@@ -27,7 +27,7 @@ class Range(NamedTuple):
     from_ns: int
     """When the first of them was published."""
     ends: tuple[tuple[str, float, float], ...]
-    """The path of each number, its least and its greatest value: the one that came first stands first."""
+    """The path of each number, its least and its greatest value, in the order in which they came."""
 
 
 class Extremes:
@@ -64,7 +64,7 @@ class Extremes:
                 self._pairs[path] = _widened(pair, value)
 
     def take(self) -> Range | None:
-        """What was collected since this was called last; None for less than two messages."""
+        """The values collected since the last call; None for fewer than two messages."""
         found = None
         if self._count > 1 and self._pairs:
             found = Range(self._from_ns, tuple([(path, *pair) for path, pair in self._pairs.items()]))
@@ -72,7 +72,7 @@ class Extremes:
         return found
 
     def clear(self) -> None:
-        """Forget what was collected."""
+        """Forget the collected values."""
         self._count = self._bytes = self._from_ns = 0
         self._pairs = {}
 
@@ -88,7 +88,7 @@ def _widened(pair: tuple[float, float], value: float) -> tuple[float, float]:
 
 
 def _number_at(value: Any, names: Iterable[str]) -> float | None:
-    """None where the message has no number that a page can plot."""
+    """The number at a path; None if the message has none there that a page can plot."""
     for name in names:
         if isinstance(value, msgspec.Struct):
             if name not in value.__struct_fields__:

@@ -1,8 +1,8 @@
 """Access check: by the request's name for this machine, the page that sent it, and a token.
 
 Pure: a request goes in, a decision comes out. A browser runs pages of any origin. Such a page may ask for
-addresses of this machine (then Origin names the page), or under a name that its owner points to this machine
-(then Host has that name); it knows no token. Other users of the machine know none either.
+addresses of this machine: then Origin names the page. Or its owner points a name to this machine, and it asks
+for that name: then Host has the name. It knows no token. Other users of the machine know none either.
 """
 
 import hmac
@@ -18,7 +18,7 @@ FOXGLOVE = "https://app.foxglove.dev"
 
 
 class Ask(NamedTuple):
-    """A request. Each header has all its values, so that a repeated header is visible."""
+    """A request. Each header has all its values, so a repeated header is visible."""
 
     target: str
     """Path and query, as they came."""
@@ -50,7 +50,7 @@ class Refuse(NamedTuple):
 
 
 class Gate:
-    """`token` opens it, as `?token=` or in the `cookie`. `origins` may come besides its own pages."""
+    """`token` opens it, as `?token=` or in the `cookie`. Pages of `origins` may connect, too."""
 
     def __init__(self, token: str, cookie: str, origins: Iterable[str] = ()) -> None:
         self._token = token.encode()
@@ -63,7 +63,7 @@ class Gate:
         self._tickets.add(ticket)
 
     def judge(self, ask: Ask, *, is_socket: bool) -> Enter | Redirect | Refuse:
-        """`is_socket`: it asks for a WebSocket, which goes by no redirect."""
+        """`is_socket`: it asks for a WebSocket, which can't be redirected."""
         if ask.method != "GET":
             return Refuse(405, "only GET is allowed here")
         host = ask.host[0].lower() if len(ask.host) == 1 else ""
@@ -99,7 +99,7 @@ class Gate:
         return len(origin) == 1 and (given == f"http://{host}" or given in self._origins)
 
     def _cookies(self, headers: Sequence[str]) -> list[str]:
-        """Values of its own cookies. Browsers send cookies of all servers on this machine, in any format."""
+        """Values of our cookies. Browsers send cookies of all servers on this machine, in any format."""
         pairs = (one.strip().partition("=") for header in headers for one in header.split(";"))
         return [value for name, _, value in pairs if name == self._cookie]
 

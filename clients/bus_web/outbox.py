@@ -35,8 +35,8 @@ class SharedBudget:
 
     @property
     def bytes(self) -> int:
-        """Bytes of the messages queued for all clients. Notices have bounds of their own, and can't be
-        dropped: for a large one, other clients would lose messages without effect."""
+        """Bytes of the messages queued for all clients. Notices do not count: they have separate bounds, and
+        can't be dropped. A large notice would cost other clients messages, and make no room."""
         return sum([outbox.bytes - outbox.notice_bytes for outbox in self._outboxes])
 
     def enter(self, outbox: "Outbox") -> None:

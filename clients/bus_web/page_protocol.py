@@ -77,7 +77,7 @@ class Look(msgspec.Struct, tag="look", tag_field="op", forbid_unknown_fields=Tru
     """Paths of plotted numbers."""
 
     def opened(self) -> dict[str, frozenset[str]]:
-        """Of each wanted topic the arrays to be shown at length: also those with plotted numbers."""
+        """The arrays of each wanted topic to be shown at length, including arrays with plotted numbers."""
         return {
             topic: frozenset(
                 [
@@ -129,7 +129,7 @@ def message(op: str, **fields: Any) -> bytes:
 
 
 def between(values: Range) -> dict[str, Any]:
-    """Fields of a value for plots: what has come since the value before."""
+    """Fields of a value for plots: the extremes since the value before."""
     ends = {path: [first, second] for path, first, second in values.ends}
     return {"from_ms": values.from_ns / 1e6, "ends": ends}
 
@@ -206,7 +206,7 @@ def _losses(timeline: LossTimeline, now_s: float) -> dict[str, Any]:
 
 
 class Sent:
-    """The rates last sent to one page, so that the next frame has only the changed ones."""
+    """The rates last sent to one page: the next frame has only the changed ones."""
 
     def __init__(self) -> None:
         self._topics: Mapping[str, list[Any]] = {}

@@ -40,7 +40,7 @@ class Place(NamedTuple):
 
     @property
     def cookie(self) -> str:
-        """The name of its cookie: browsers keep those of all ports of a machine together.
+        """The name of its cookie. Browsers keep the cookies of all ports of a machine together.
 
         Servers on any port share a few names, or a browser would send more of them than one header holds.
         """

@@ -111,7 +111,7 @@ class _Row(msgspec.Struct, frozen=True, kw_only=True):
     lost_history: tuple[float, ...]
     """Messages lost in each of the last 60 seconds, the newest last; empty if none was."""
     lost_in_all: int
-    """Messages lost, and for a topic also those of subscriptions that have left since the first look."""
+    """Messages lost; for a topic also by subscriptions that have left since the first look."""
     mismatches: int
     """Pairs that don't match."""
 

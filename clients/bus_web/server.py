@@ -69,7 +69,7 @@ class Server:
         )
 
     async def close(self) -> None:
-        """End all connections: clients are told that the server goes."""
+        """End all connections: clients learn that the server ends."""
         if self._server is not None:
             self._connections.cut_off_those_who_ask()
             self._server.close()

@@ -1,6 +1,6 @@
 """One shared subscription for each viewed topic, for any number of viewers, as long as there is one.
 
-The subscription is best effort with depth five, so that viewers block no publisher. Messages come encoded; a
+The subscription is best effort with depth five, so viewers block no publisher. Messages come encoded; a
 page decodes only the messages that it shows.
 """
 

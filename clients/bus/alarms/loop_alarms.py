@@ -31,7 +31,7 @@ class Alarms:
         self._users = 0
         self._schedule = Schedule()
         self._set_ns = NEVER_NS
-        """The time of the wake-up: that of the earliest alarm, or of a canceled alarm before it."""
+        """The time of the wake-up: when the earliest alarm is due, or a canceled alarm before it."""
         self._wake_up: WakeUp | None = make_wake_up(loop, self._ring)
         """None after the close."""
 

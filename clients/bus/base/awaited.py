@@ -53,7 +53,7 @@ def _decorated(
 
 
 def mark_to_be_awaited(function: Any) -> None:
-    """Mark `function`, which is no `async def` but returns an awaitable, so that `is_to_be_awaited` is true.
+    """Make `is_to_be_awaited` true for `function`, which is no `async def` but returns an awaitable.
 
     Frameworks call `asyncio.iscoroutinefunction`, or from Python 3.12 on the function of `inspect`. Python
     3.11's `inspect` only checks the code, and has no such mark.

@@ -25,7 +25,7 @@ _IS_COROUTINE: Final = 0x80
 
 
 def callback_name(callback: Callable[..., object]) -> str:
-    """The name that the author knows: that of the function itself, even if it is wrapped."""
+    """The name that the author knows: the function's own name, even if it is wrapped."""
     callback = inspect.unwrap(callback)
     while isinstance(callback, partial):
         callback = inspect.unwrap(callback.func)

@@ -1,4 +1,4 @@
-"""Types for the ints that identify objects, so that a wrong kind of id is a type error.
+"""Types for the ints that identify objects. They make a wrong kind of id a type error.
 
 Must not know the use of ids. They are u32 on the wire.
 """

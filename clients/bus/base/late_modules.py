@@ -17,7 +17,7 @@ Must not load any module, as `bus.base.loading`.
 from __future__ import annotations
 
 import sys
-from _frozen_importlib import ModuleSpec  # those of importlib.machinery, which may not be loaded
+from _frozen_importlib import ModuleSpec  # as in importlib.machinery, which may not be loaded
 from _frozen_importlib_external import PathFinder
 from _thread import RLock, get_ident
 
@@ -101,7 +101,7 @@ class _Late(ModuleType):
 class _Loading(ModuleType):
     """A module that a thread is just loading: other threads wait for all its names, as in an import.
 
-    A function that exists already may need another one that does not exist yet.
+    A function that already exists may call another one that does not exist yet.
     """
 
     def __getattribute__(self, name: str) -> Any:

@@ -25,7 +25,7 @@ async def together(coroutines: Iterable[Coroutine[Any, Any, T]]) -> list[T]:
 async def until_one_ends(*coroutines: Coroutine[Any, Any, object]) -> None:
     """Run all coroutines concurrently until one of them ends; then the others are cancelled and awaited.
 
-    Raises the error of the one that ended. Cancellation: all are cancelled.
+    Raises the error of the coroutine that ended. Cancellation: all are cancelled.
     """
     tasks = [asyncio.ensure_future(one) for one in coroutines]
     try:

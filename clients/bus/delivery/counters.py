@@ -98,8 +98,7 @@ class DropCounters:
     @property
     def expected(self) -> int:
         tracker = self._receiver.tracker
-        # Lost samples are the missing numbers, and those that the broker dropped after the last received
-        # number.
+        # Lost samples: missing numbers, and drops of the broker after the last received number.
         return self._by_other_ways + tracker.received + max(tracker.missing, self._reported_total)
 
     @property

@@ -1,5 +1,4 @@
-"""Calls a subscription's callback for the samples in its receiver: in turns, so that other work has its
-turns.
+"""Calls a subscription's callback for the samples in its receiver, with turns for other work in between.
 
 Calls of one subscription never overlap. The native reader itself calls a plain callback for one message from
 a ring (`Readers.deliver`). Both share one flag, set while a call is in progress.

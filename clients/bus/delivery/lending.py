@@ -1,7 +1,7 @@
 """Loans of a publisher: a place for a long field, which the caller fills and then publishes or discards.
 
-By shared memory the buffer is in the ring itself, so nothing is copied; otherwise it is a separate buffer. A
-publisher has one loan at a time, and publishes nothing else meanwhile. Loaded with the first loan.
+With shared memory, the buffer is in the ring itself, so nothing is copied. Otherwise it is a separate buffer.
+A publisher has one loan at a time, and publishes nothing else meanwhile. Loaded with the first loan.
 """
 
 from typing import Protocol

@@ -1,7 +1,7 @@
 """The waiting samples of a subscription: bounded, counted, and decoded when they are taken.
 
 Owns the queue of undecoded runs, and counts delivered and dropped samples. Samples in rings stay there, and
-are taken after those that came by socket. It does no I/O; its owner delivers and acknowledges.
+are taken after samples from the socket. It does no I/O; its owner delivers and acknowledges.
 """
 
 from collections import deque
@@ -206,7 +206,7 @@ class Receiver(Generic[M]):
             self.reader.depth = depth
 
     def put(self, run: Run) -> bool:
-        """Queue a run; returns whether the receiver now holds too much, so that the caller must `trim` it."""
+        """Queue a run; returns whether the receiver now holds too much: then the caller must `trim` it."""
         proxy = run.origin = self.tracker.get(run.source)
         if proxy is not None:
             run.lifespan_ns = proxy.lifespan_ns

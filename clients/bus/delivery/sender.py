@@ -275,7 +275,7 @@ class Sender:
         """After `put` returned False: wait until there may be room, perhaps not at all."""
         if self.refusal is not None:
             raise again(self.refusal)
-        # Samples in the open run take up room: hand them over, so that subscriptions can take them.
+        # Samples in the open run take up room. Once handed over, subscriptions can take them.
         self.hand_over()
         if self._is_lent:
             await self._room.waiters.wait()

@@ -50,7 +50,7 @@ class PublisherProxy:
         self.lifespan_ns = lifespan_ns  # from a stamp of its clock to an end by ours
         self.clock_ns = 0  # lead of its clock, of another time namespace, over ours
         self.needs_ack = needs_ack
-        self.may_repeat = needs_ack  # whether it may resend missed samples, from those that it keeps
+        self.may_repeat = needs_ack  # whether it may resend missed samples, which it keeps
         self.received_seq = 0  # by ring, or from an earlier broker: not even a replay repeats these
         self.is_new = True  # until its first run that is no replay
         # The last number received of its history, until its first new sample: the rest of the history may
@@ -105,8 +105,8 @@ class SequenceTracker(dict[int, PublisherProxy]):
         self._rerouted = 0  # the broker has dropped them, or the ring had dropped them before
         self._reported_ahead = 0  # drops of the last broker with numbers above the last received one
         self._lost_at_end: dict[bytes, int] = {}  # of departed publishers, by gid
-        # By gid: the part of `_perhaps_skipped` before the first received sample, and the number of that
-        # sample. Then the same of the last broker, until the present one reports the first sample for us:
+        # For each gid: the part of `_perhaps_skipped` before the first received sample, and the number of
+        # that sample. Then the same of the last broker, until the present one reports our first sample:
         self._beginnings: dict[bytes, tuple[int, int]] = {}
         self._unsure: dict[bytes, tuple[int, int]] = {}
         self._unsure_count = 0
@@ -119,7 +119,7 @@ class SequenceTracker(dict[int, PublisherProxy]):
     def forget(self, number: int, routed_seq: int = 0) -> None:
         """Note a departed publisher. Its samples may still come, so the latest of these publishers are kept.
 
-        The broker has routed its samples up to `routed_seq`, and reports those that it drops.
+        The broker has routed its samples up to `routed_seq`, and reports each drop.
         """
         if (proxy := self.get(number)) is not None:
             proxy.routed_seq = max(proxy.routed_seq, routed_seq)
@@ -180,7 +180,7 @@ class SequenceTracker(dict[int, PublisherProxy]):
             for proxy in self.values()
             if proxy.number in gone and proxy.routed_seq > proxy.last_seq and not proxy.may_repeat
         }
-        # Matched publishers come last, so that the bound forgets departed ones first.
+        # Matched publishers come last: the bound forgets departed ones first.
         self._remember(sorted(self.values(), key=lambda proxy: proxy.number not in gone))
         self.clear()
         self._gone.clear()
@@ -219,8 +219,8 @@ class SequenceTracker(dict[int, PublisherProxy]):
     def lose_while_away(self, count: int, gid: bytes | None = None) -> int:
         """Count `count` samples of publisher `gid` as lost between two connections.
 
-        It leaves out samples that the last broker reported, and samples that were counted as lost when that
-        was lost. Returns the number counted.
+        It leaves out samples that the last broker reported, and samples that were counted as lost at the loss
+        of that broker. Returns the number counted.
         """
         if gid is not None:
             count -= min(count, self._lost_at_end.pop(gid, 0))
@@ -266,7 +266,7 @@ class SequenceTracker(dict[int, PublisherProxy]):
             self.lose_while_away(unreported)
 
     def miss(self, missed: dict[bytes, tuple[int, int]]) -> None:
-        """Count the missing ones of the samples that publishers have sent since, by their numbers in
+        """Count missing samples of publishers that sent them since then, by their numbers in
         Dropped."""
         for gid, (first_seq, last_seq) in missed.items():
             # Without a first number, the match used a ring. A subscription that never read that ring, but has

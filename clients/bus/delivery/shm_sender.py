@@ -391,8 +391,8 @@ class ShmSender:
         Returns False if the caller should try again after a turn of the loop, which reads the broker's
         messages.
         """
-        # Don't wait while records are held for unknown matches: when that ends, no reader that has taken
-        # everything would ring.
+        # Don't wait while records are held for unknown matches: when the hold ends, readers that have taken
+        # everything would not ring.
         if not self._port.is_quiet() or self._move_known():
             return False
         if not self.writer.wait_for_room():

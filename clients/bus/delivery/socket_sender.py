@@ -46,7 +46,7 @@ _GATHERED_BYTES = 4 * RUN_BYTES
 """Bytes of long samples that leave together. This saves a quarter of the CPU time of messages of 64 KiB."""
 
 _MOST_APART_BYTES = STEP_BYTES
-"""Bytes of queued samples that lie where the program has them; further ones are copied.
+"""Bytes of queued samples that stay in the program's own buffers; further ones are copied.
 
 So the checks of free memory see all of a long queue: pages that a program has never written do not count."""
 
@@ -175,8 +175,8 @@ class SocketSender:
         """The record of a long sample, given in parts, for `put_long`; None if it is short or must
         be gathered with others.
 
-        The sample leaves from where its parts lie. An open run would need a copy of it, which is two fifths
-        of a publisher's CPU time for 1 MiB.
+        The parts are sent one after the other, and are not joined. An open run would need a copy, which is
+        two fifths of a publisher's CPU time for 1 MiB.
         """
         size = sum(map(len, parts))
         if size < RUN_BYTES or not self._has_core or self.use is not _READERS:

@@ -91,8 +91,8 @@ def watched(callback: Callable[..., Any], what: str, logger: Logger) -> Callable
 def timed_by_caller(
     callback: Callable[..., Any], what: str, logger: Logger
 ) -> tuple[Callable[..., Any], Callable[[int], object] | None]:
-    """For a caller that times plain callbacks: the function to call, and one for the nanoseconds of slow
-    calls.
+    """For a caller that times plain callbacks: the function to call, and a function that takes the
+    nanoseconds of slow calls.
 
     For an async callback, it returns the result of `watched`, which needs no timing.
     """

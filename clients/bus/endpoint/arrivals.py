@@ -73,7 +73,7 @@ class Arrivals(Generic[M]):
                 self._rest()
 
     def release(self) -> None:
-        """Have all that wait look for themselves."""
+        """Wake all waiting tasks: each looks for a message itself."""
         if self._waiting:
             waiting, self._waiting = self._waiting, deque()
             self._rest()

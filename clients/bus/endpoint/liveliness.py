@@ -26,7 +26,7 @@ class Standing(Enum):
     ALIVE = "alive"
     """It is alive."""
     OVERDUE = "overdue"
-    """Its own lease has ended, but not yet the longer one of the subscription: it counts as alive."""
+    """Its own lease has ended, but not yet the subscription's longer lease: it counts as alive."""
     NOT_ALIVE = "not alive"
     """The lease of the subscription has ended, too."""
 

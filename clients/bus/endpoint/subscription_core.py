@@ -119,7 +119,7 @@ class SubscriptionCore(EndpointCore[M]):
         if qos.liveliness_lease_duration is not None:
             self._liveliness = LivelinessWatch(link, qos.lease_ns, self._report_liveliness)
         self._left_broker = link.broker
-        self._left_brokers: dict[bytes, object] = {}  # by gid of a publisher: the last one that matched them
+        self._left_brokers: dict[bytes, object] = {}  # by publisher's gid: the last broker that matched them
         self._arrivals: Arrivals[M] | None = None  # since a task waited for the first time
         self.on_arrival: Callable[[], object] | None = None
         self.on_end: Callable[[BusError], object] | None = None

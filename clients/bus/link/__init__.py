@@ -4,7 +4,7 @@
         |
     `link.py` ------- `incoming.py` (busd to endpoints), `observing.py` (the graph), `reports.py` (counters)
         |
-    `connecting.py` -- `declarations.py` (nodes and endpoints, declared anew after each reconnection)
+    `connecting.py` -- `declarations.py` (nodes and endpoints, declared again after each reconnection)
         |
     `connection.py` -- `requests.py`, `heartbeat.py`
         |

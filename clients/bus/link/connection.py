@@ -258,7 +258,7 @@ class Connection:
         self._finish(ConnectionClosed("the connection to busd is closed"))
 
     def abandon(self) -> None:
-        """In the child of a fork: drop everything that is the parent's, whose end then ends the
+        """In the child of a fork: drop everything that belongs to the parent. So the parent's end ends the
         connection."""
         stream, self._stream = self._stream, None
         if stream is not None:

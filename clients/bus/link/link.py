@@ -128,7 +128,7 @@ class Link(LoopCalls):
     def abandon(self, reason: BusError) -> None:
         """Close the connection without touching a task, a future or a timer.
 
-        For the child of a fork, whose loop is the parent's, and for a closed loop.
+        For the child of a fork, because the loop belongs to the parent, and for a closed loop.
         """
         self.failure = reason
         if self.connection is not None:

@@ -229,7 +229,7 @@ class ShmContext:
             self._loop.call_soon(self._poll_briefly)
 
     def _poll_briefly(self) -> None:
-        """Poll for a short time, so that the event loop has its turns."""
+        """Poll for a short time only: the event loop needs its turns."""
         self._is_polling = False
         if self._is_closed:
             return

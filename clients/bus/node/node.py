@@ -341,10 +341,10 @@ class Node(ParameterHost, GraphHost):
         - `busy_poll`: for this many seconds after each message the process polls for the next one without
           sleeping (shared memory only). That saves the wake-up, some microseconds, and costs a whole CPU.
 
-        Instead of a class, `message_type` may be a `MessageSchema`, or None for the type of the topic, or
-        the name of a type, searched on the topic, then on the bus, then among the types that come with busd.
-        If no such type exists yet, this waits for it, without a time limit: use `asyncio.timeout`. Messages
-        are then of class `to_class` of the subscription's `schema`, or bytes with `raw`.
+        Instead of a class, `message_type` may be a `MessageSchema`, None for the type of the topic, or the
+        name of a type. A name is searched on the topic, then on the bus, then among the types that come with
+        busd. If no such type exists yet, this waits for it, without a time limit: use `asyncio.timeout`.
+        Messages are then of class `to_class` of the subscription's `schema`, or bytes with `raw`.
 
         `bridging` is for bridges:
 

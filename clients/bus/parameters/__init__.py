@@ -12,7 +12,7 @@ that parameters need of a node.
 Invariants:
 
 - Rules, texts of errors and the order of callbacks are ROS 2's. Both APIs, `bus.Node` and rclpy, share
-  `store.py` and `values.py`, so that they can't differ.
+  `store.py` and `values.py`, and so can't differ.
 - `store.py` and `values.py` know no message, node, file or event loop.
 - A wrong request of another program gets an answer with the reason. It never raises an error in this program.
 - A node without parameters does not pay for them: `served.py` starts the services when they are needed.

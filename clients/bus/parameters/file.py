@@ -65,7 +65,7 @@ class Section(NamedTuple):
 def load(sources: Iterable[ParameterSource]) -> tuple[Section, ...]:
     """The parameters of a command line, including those in its files: one section for each pattern.
 
-    The place of a pattern is that of its first appearance, as in rcl. Raises ConfigurationError, naming the
+    Patterns keep the order of their first appearance, as in rcl. Raises ConfigurationError, naming the
     unusable rule or file.
     """
     merged: dict[str, Section] = {}

@@ -354,7 +354,7 @@ def _values(some: Iterable[Parameter]) -> Values:
 
 
 def _copy(value: Any) -> Any:
-    """A copy of a list, so that a program's change to the list does not change the parameter."""
+    """A copy of a list: if a program changes its list, the parameter stays as it is."""
     return value.copy() if isinstance(value, list) else value
 
 

@@ -50,7 +50,7 @@ class _ShownInOneLine:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        # Installed only now, so that a program without such an error keeps Python's own hook.
+        # Installed only now: a program without such an error keeps Python's own hook.
         if kind is not None and issubclass(kind, START_ERRORS):
             _install()
 

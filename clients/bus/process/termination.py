@@ -33,7 +33,7 @@ class ReaderGone(KeyboardInterrupt):
 
 
 def drop_unread_output() -> bool:
-    """Whether stdout or stderr is a pipe without a reader. Such a stream is discarded from then on.
+    """Whether stdout or stderr is a pipe without a reader. Discards the output to such a stream from now on.
 
     Otherwise Python would fail again, and print an error, when it writes the rest of its buffers at the end.
     """
@@ -81,7 +81,7 @@ def die_at_interrupt() -> None:
 
 
 def heed_interrupts() -> None:
-    """Undo `die_at_interrupt`: a Ctrl-C raises KeyboardInterrupt again, so that programs can tidy up."""
+    """Undo `die_at_interrupt`: a Ctrl-C raises KeyboardInterrupt again, and programs can tidy up."""
     import signal
 
     if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:

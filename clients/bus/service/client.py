@@ -90,7 +90,7 @@ class _Call:
         self.asked = asked
         self.deliver = deliver
         self.denied: set[bytes] = set()
-        """Gids of the publishers of replies whose servers do not work on it."""
+        """Servers that do not work on it, by the gids of their publishers of replies."""
         self.is_lost = False
         self.is_doubtful = False
         """The client must ask the server whether it knows the call: busd has ended since, or was away, or a
@@ -373,7 +373,7 @@ class ServiceClient(ServiceBase):
         """Ask the servers about the state of doubtful calls; `is_new`: one has come just now.
 
         A server's answer comes after its earlier answers. A server that still works on a call does not
-        answer, and a bridge may lose the question or the answer: so the client asks again, after one look,
+        answer, and a bridge may lose the question or the answer. So the client asks again, after one look,
         two, four and so on. Each of several servers gets the question.
         """
         if not self._servers:

@@ -1,7 +1,7 @@
 """Checks of descriptors that another process sent. They need no native core: the daemon uses them, too.
 
-Owns the rules by which another process's segment can't harm the process that maps it: its size can't change,
-all its memory is reserved, no other process can map it writable. The core checks the contents.
+Owns the rules that keep another process's segment from harming the process that maps it. Its size can't
+change, all its memory is reserved, and no other process can map it writable. The core checks the contents.
 """
 
 import errno

@@ -22,7 +22,7 @@ _RESERVE_LEAST = 8 << 20
 _RESERVE_MOST = 64 << 20
 
 _SMALL_BYTES = 1 << 20
-"""Smaller segments need no check of their own if a recent check has found enough memory."""
+"""Smaller segments need no separate check if a recent check has found enough memory."""
 _GRANT_PART = 16
 _GRANT_NS = 1_000_000_000
 

@@ -1,8 +1,8 @@
 """Makes and maps segments, and makes doorbells. docs/ring.md describes their contents.
 
-Owns the rules by which a segment can't leak and can't harm other processes: it has no name, its memory is
-reserved when it is made, and it is sealed before another process sees it. Must not know the receivers of a
-segment. Functions that need the native core raise ImportError without it.
+Owns the rules that keep segments from leaking and from harming other processes. A segment has no name, its
+memory is reserved when it is made, and it is sealed before another process sees it. Must not know the
+receivers of a segment. Functions that need the native core raise ImportError without it.
 """
 
 import fcntl
@@ -75,7 +75,7 @@ def _make(
     claim(size)
     descriptor = Descriptor(set_aside(os.memfd_create(name, os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)))
     try:
-        os.fchmod(descriptor.number, 0o600)  # a new memfd is open to all: a receiver could open it anew
+        os.fchmod(descriptor.number, 0o600)  # a new memfd is open to all: a receiver could open it again
         os.ftruncate(descriptor.number, size)
         for start in range(0, size, _STEP_BYTES):
             if start:

@@ -1,9 +1,10 @@
 """Makes the C library keep freed memory.
 
 By default, glibc returns every block above 128 KiB to the kernel, and also the end of the heap if more than
-128 KiB of it are free. It gets the next block anew, zeroed and page by page. That causes hundreds of page
-faults for each message of 1 MiB, in every process on its way, which cost more than the transport. Two
-messages of 64 KiB, freed together, are enough for it: busd had 6 page faults for each message of that size.
+128 KiB of it are free. It gets the next block from the kernel again, zeroed and page by page. That causes
+hundreds of page faults for each message of 1 MiB, in every process on its way, which cost more than the
+transport. Two messages of 64 KiB, freed together, are enough for it: busd had 6 page faults for each message
+of that size.
 """
 
 import sys

@@ -143,7 +143,7 @@ _NO_HANDLERS = Handlers(on_lost=_ignore)
 class Stream:
     """Reads and writes `sock`, a connected non-blocking socket, which it owns from now on.
 
-    `taker` gets the descriptors received with the bytes; those that it adopts go to the session. Without a
+    `taker` gets the descriptors received with the bytes, and the session those that `taker` adopts. Without a
     taker, the kernel closes them.
     """
 

@@ -113,7 +113,7 @@ def _ends(publisher: Form) -> tuple[str, str]:
 
 
 def _is_alike(one: list[Any], other: list[Any]) -> bool:
-    """Whether two different types are of one kind, so that they can only differ in their parts."""
+    """Whether two different types are of one kind, and so can only differ in their parts."""
     return (
         len(one) == len(other)
         and one[0] != "literal"

@@ -105,8 +105,8 @@ def encode_around(
     msgspec.structs.force_setattr(message, name, _RAW_MARK)
     before, _, after = encode(message).partition(_MARK)
     if len(before) % 8 == 1 and before[0] >> 4 == 9:
-        # A longer head of the same array: in a String, the text then begins at a multiple of 8, and its
-        # reader checks and copies it in one go.
+        # Use a longer head for the same array. Then the text of a String begins at a multiple of 8, and its
+        # reader checks and copies it in one pass.
         before = bytes((_ARRAY_16, 0, before[0] & 15)) + before[1:]
     return before + _pack_head(_STR_32 if is_text else _BIN_32, size), after
 

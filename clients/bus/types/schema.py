@@ -54,7 +54,7 @@ _ANNOTATIONS: Final[dict[str, Any]] = {**PRIMITIVES, "int": int, "any": Any, "no
 def describe(cls: type[Struct]) -> Schema:
     """The schema of a message class. `describe(build(schema)) == schema` is true for results of `describe`.
 
-    Raises MessageTypeError if `cls` is no message class, or one that msgspec does not support. Raises
+    Raises MessageTypeError if `cls` is no message class, or if msgspec does not support it. Raises
     ConfigurationError for a bad type name or two classes with one name.
     """
     if not isinstance(cls, type) or not issubclass(cls, Struct):

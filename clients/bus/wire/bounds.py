@@ -9,7 +9,7 @@ from bus.wire.layout import MAX_COUNT
 Count = Annotated[int, Meta(ge=0, le=MAX_COUNT)]
 Seq = Annotated[int, Meta(ge=1, le=MAX_COUNT)]
 NextSeq = Annotated[int, Meta(ge=1, le=MAX_COUNT + 1)]
-"""The number of the next sample, which is one above that of the last sample."""
+"""The number of the next sample: one above the last sample's number."""
 Drops = Annotated[dict[Annotated[str, Meta(max_length=32)], Count], Meta(max_length=16)]
 """Samples dropped, by reason."""
 AgeParts = Annotated[tuple[Count, ...], Meta(max_length=50)]

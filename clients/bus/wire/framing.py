@@ -37,7 +37,7 @@ _FIRST_ROOM_BYTES = 4 << 20
 """Bytes of a long frame that are charged at first. A longer one gets its memory page by page."""
 
 _SHIFT = -(DATA_HEAD_BYTES + RECORD_HEAD_BYTES) % 8
-"""Bytes before a long frame, so that its first payload begins at a multiple of 8.
+"""Bytes before a long frame that make its first payload begin at a multiple of 8.
 
 A long text begins at a multiple of 8 of its payload (`bus.types.large_fields.encode_around`). If its memory
 does, too, CPython checks and copies it in one pass instead of two."""

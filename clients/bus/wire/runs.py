@@ -1,8 +1,8 @@
 """Runs of samples, and the one bounded queue of the bus.
 
-A `Run` is the content of a data frame. A `RunQueue` holds waiting runs at one of three places: at a publisher
-(to be handed over), in the broker (to be sent to one subscription) and in a subscription (to be taken). It
-counts samples, not runs, and drops the oldest first; it returns the number of dropped samples to its caller.
+A `Run` is the content of a data frame. A `RunQueue` holds waiting runs at a publisher (to be handed over), in
+the broker (to be sent to one subscription) or in a subscription (to be taken). It counts samples, not runs.
+It drops the oldest first, and returns the number of dropped samples to its caller.
 
 Cost: pushing and popping a run is O(1) for any number of samples in it; trimming walks the samples that it
 drops. Knows no I/O and no clock.
@@ -275,7 +275,7 @@ class RunQueue:
         return dropped
 
     def drop_expired_of_head(self, now_ns: int, gone: list[Run] | None = None) -> int:
-        """The same only for the oldest run, so that a caller can bound the work by runs.
+        """The same only for the oldest run: a caller can bound the work by runs.
 
         A run that has expired as a whole is dropped in one step. Exception: the first of its queues reads its
         stamps.
@@ -312,9 +312,9 @@ class RunQueue:
         """Drop whole runs, oldest first, until the account is within its limit; returns the samples dropped.
 
         `account`: its parent can be passed instead; `slack`: bytes below the limit to reach. The `spare`
-        newest runs always stay. Dropped runs are added to `gone`. If `most` runs (0: no limit) were dropped
-        and that is not enough, all others except the spare ones are dropped in one step, and left in `rest`
-        for the caller to free.
+        newest runs always stay. Dropped runs are added to `gone`. `most`: the limit of steps (0: none). Each
+        step drops one run, but the last step of so many drops all runs except the spare ones, and leaves the
+        dropped ones in `rest` for the caller to free.
         """
         dropped = 0
         account = account or self.account

@@ -86,7 +86,7 @@ class Session:
     def received(self, count: int) -> Iterable[Any]:
         """The messages and runs in the `count` new bytes of the reader's buffer, in order.
 
-        The buffer is in use until the iteration has ended: before that, nothing may be read into it.
+        The buffer is in use until the iteration has ended: read nothing into it before.
         Iterating raises RemoteProtocolError if the peer broke a rule, after all earlier messages.
         """
         if self.state is not State.OPEN or self.descriptors:

@@ -125,7 +125,7 @@ def _report_problems(bags: JoinedBags, logger: Logger, told: set[Problem]) -> No
 async def _report_gaps(
     bags: JoinedBags, topics: frozenset[str], options: PlayOptions, span: Span, logger: Logger
 ) -> None:
-    """Report long times without a message, or those that are skipped."""
+    """Report long times without a message; with `skipped_gap`, the times that are skipped."""
     least = gaps.LONG_NS if options.skipped_gap is None else options.skipped_gap
     found = await asyncio.to_thread(bags.gaps, least, topics, options.order)
     report = logger.warning if options.skipped_gap is None else logger.info

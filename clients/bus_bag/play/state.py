@@ -43,7 +43,7 @@ class PlayerEvent(Enum):
     BURST = "burst"
     BURST_END = "burst end"
     LAST = "last"
-    """No message is left, and the replay is one that stays at the end."""
+    """No message is left, and the replay stays at its end."""
     STOP = "stop"
     """A key, service or signal asks for the end."""
     END = "end"

@@ -11,11 +11,11 @@ keys and the terminal.
 
 Invariants:
 
-- Taking messages goes before writing. The event loop never waits for the disk: messages that the thread can't
-  accept yet wait in the cache, which has a size limit.
+- Taking messages has priority over writing. The event loop never waits for the disk: messages that the thread
+  can't accept yet wait in the cache, which has a size limit.
 - If the cache is full, the topic with the most waiting bytes loses its oldest messages. Each loss is counted.
 - While the pipeline is crowded, messages of lossless topics are not taken. So their publishers wait, and no
-  message is lost: what was taken of them stays in the cache, if need be above its limit.
+  message is lost: messages already taken stay in the cache, if need be above its limit.
 - Only jobs run in the thread, one at a time, in order. Everything else runs on the event loop.
 - Every end of a recording closes the bag with everything written. Only a second stop drops messages.
 - Each further file begins with the latched messages, so it can be played alone.

@@ -1,7 +1,7 @@
 """Moves messages from the subscriptions into the pipeline.
 
-Taking messages goes before writing. The time of receipt is the time at which a message is taken. So messages
-are taken at once. The pipeline runs after all other pending work of the event loop.
+Taking messages has priority over writing. The time of receipt is the time at which a message is taken. So
+messages are taken at once. The pipeline runs after all other pending work of the event loop.
 """
 
 import asyncio
@@ -21,7 +21,7 @@ _BATCH = 256
 _PACK_BYTES = 256 << 10
 """Most bytes of messages in one buffer. They have one log time: at 1 KiB they are as many as a batch has."""
 _LONG_BYTES = 16 << 10
-"""Messages of this size are taken one by one: they are written from where they are, without a copy."""
+"""Messages of this size are taken one by one, and written without a copy."""
 
 
 class Intake:
@@ -74,7 +74,7 @@ class Intake:
     ) -> tuple[Batch, bool]:
         """The next messages, with the log time `now_ns` if it is given, and whether more may wait."""
         if self._pipeline.takes_packs(topic):
-            # A latched message is kept for its publisher, and a merged buffer does not say whose it is.
+            # Latched messages are kept for each publisher, which a merged buffer does not name.
             is_latched = topic.is_latched
             if not is_latched or subscription.get_publisher_count() == 1:
                 pack = subscription.take_packed(_PACK_BYTES, _LONG_BYTES, merges=not is_latched)

@@ -69,7 +69,7 @@ class RecordedTopic:
         self.is_lossless = subscription.qos.is_lossless
 
     def update_offers(self, offers: Iterable[QoSProfile]) -> None:
-        """Update the present publishers' profiles. The bag has those that are known at its first message.
+        """Update the present publishers' profiles. The bag has the profiles known at its first message.
 
         A profile counts as often as there were publishers with it at one time: a player keeps as much for
         late joiners as all of these publishers together.

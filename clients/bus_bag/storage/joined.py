@@ -33,8 +33,8 @@ class JoinedBags:
 
     A topic has the type that it has in the first bag with it. Its messages in a bag with another type, or
     with another definition of the type, are left out, and `problems` says so. It has the QoS profiles of all
-    bags, each as often as the bag that has it most often: parts of one recording repeat the profiles of the
-    same publishers. `close` also closes the readers.
+    bags. If several bags have a profile, it counts as often as in the bag with most of it: parts of one
+    recording repeat the profiles of the same publishers. `close` also closes the readers.
     """
 
     def __init__(self, readers: Sequence[BagReader]) -> None:

@@ -48,7 +48,7 @@ class McapSummary:
         self.size += length + 100
 
     def take_back(self, offset: int, *, has_chunk: bool) -> None:
-        """Shorten the file to `offset`. `has_chunk`: the last chunk is after that offset and goes, too."""
+        """Shorten the file to `offset`. `has_chunk`: the last chunk is removed, too."""
         if has_chunk:
             self._chunks.pop()
         self._metadata = [one for one in self._metadata if one[0] < offset]

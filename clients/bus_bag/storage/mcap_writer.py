@@ -164,7 +164,7 @@ class McapWriter:
         self._count(_Written(before, chunk.counts, record, self.starting_time, self.end_time), chunk)
 
     def _append_chunk(self, pieces: Sequence[Buffer]) -> None:
-        """Append a chunk. Without room, remove chunks so that the end still fits; counters then match the
+        """Append a chunk. Without room, remove chunks until the end fits; counters then match the
         file."""
         before = self.size
         try:

@@ -127,8 +127,7 @@ class BagReader:
         self.close()
 
     def _find_files(self) -> list[Path]:
-        """The files of a folder: the ones that metadata.yaml names; without it, all files that may belong to
-        a bag."""
+        """The files of a folder that metadata.yaml names; without it, all files that may be of a bag."""
         self._said = self._read_metadata(self.path / NAME)
         if self._said is not None and self._said.relative_file_paths and not self._takes_all:
             return [self._inside(name) for name in self._said.relative_file_paths]

@@ -7,7 +7,7 @@
 
 What crosses, by which name and QoS: `rules.py`, `naming.py`, `qos_rule.py`.
 
-New rules come by `Bridge.reconfigure`: what is unchanged keeps its objects, so its mirrors and routes stay.
+New rules come by `Bridge.reconfigure`: unchanged parts keep their objects, so their mirrors and routes stay.
 
 `continuity.py` decides which messages are new, repeated or lost, by a table (docs/architecture.md,
 "Bridges"). `bridge.py` connects all parts; `reporting.py` and `status.py` show counters.

@@ -327,10 +327,10 @@ class FarGraph:
 
 
 def _excess(bus: _Bus, bound: int, what: str, count_of: Callable[[_Announcer], int]) -> Wrong:
-    """The fault of a bus with more than `bound` nodes or endpoints: that of the announcer with most of them.
+    """The fault of a bus with more than `bound` nodes or endpoints: the announcer with most of them is wrong.
 
-    Exception: if no announcer has many, it is that of the newest one. Some programs can announce under any
-    number of names; the programs that were there before them stay.
+    Exception: if no announcer has many, the newest one is wrong. Some programs can announce under any number
+    of names; the programs that were there before them stay.
     """
     most = max(bus.announcers.values(), key=count_of)
     count = count_of(most)

@@ -25,7 +25,7 @@ class Lateness:
         self._since_ns = 0
 
     def note(self, now_ns: int, source_ns: int, before_ns: int = 0) -> None:
-        """Record a message. Of messages that arrive together, the newest is enough.
+        """Record a message. If messages arrive together, the newest one is enough.
 
         `before_ns`: the source time of its publisher's previous message; 0 if there was none.
         """

@@ -283,7 +283,7 @@ class Mirrors:
         return found
 
     def _is_due_first(self, gid: bytes, far: Mirrored) -> bool:
-        """Whether an endpoint must have a mirror before those of later stages of its node.
+        """Whether an endpoint must have a mirror before endpoints of later stages of its node.
 
         It may have come since the mirrors of its stage were made in this pass.
         """
@@ -432,7 +432,7 @@ class Mirrors:
             self.notify()
 
     async def _within_bounds(self, closing: Awaitable[None]) -> None:
-        """Limit the duration of closing, and catch its errors, so that it can't hold up or end the rest."""
+        """Limit the duration of closing, and catch its errors: it must not hold up or end the rest."""
         try:
             async with asyncio.timeout(_CLOSE_S):
                 await closing

@@ -3,8 +3,8 @@ ones, and applies the far names of the rules. Pure.
 
 With the namespace `/bot1` the topic `/scan` of this bus is `/bot1/scan` on the wire, whatever publishes it.
 With the far name `/front/scan` it is `/front/scan` there. Names on the wire without the namespace have no
-name here, and a name whose place is taken by a far name has none on the other side. So the conversion is
-unique in both directions: no topic returns under another name.
+name here. If a far name equals the wire name of another topic, that topic has no name on the wire. So the
+conversion is unique in both directions: no topic returns under another name.
 """
 
 from collections.abc import Mapping

@@ -107,7 +107,7 @@ class RateLimit:
         if -2 * self._period_ns <= late_ns < -self._slack_ns:
             return False
         # After a message on time, the schedule continues from the due time. So the mean rate is exact. After
-        # a pause, or if the publisher's clock was set back, the schedule starts anew.
+        # a pause, or if the publisher's clock was set back, the schedule starts again.
         is_on_time = -self._slack_ns <= late_ns < self._period_ns
         self._due_ns = (self._due_ns if is_on_time else time_ns) + self._period_ns
         return True

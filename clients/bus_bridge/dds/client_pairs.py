@@ -49,7 +49,7 @@ class ClientPairs:
         return now
 
     def removed(self, gid: bytes) -> None:
-        """An endpoint has gone; it need not be one of a client."""
+        """An endpoint has gone; it need not belong to a client."""
         key = self._keys.pop(gid, None)
         if key is None:
             return

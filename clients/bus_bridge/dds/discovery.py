@@ -49,7 +49,7 @@ __all__ = ["Discovery"]
 
 
 class Discovery:
-    """What discovery has found: the Listener of a carrier.
+    """The results of discovery: the Listener of a carrier.
 
     `on_change` is called after each piece of news, for code that uses handles.
     """
@@ -205,7 +205,7 @@ class Discovery:
         return _found(found, topic, schema, profile)
 
     def _service_endpoints(self, found: Discovered) -> list[Found]:
-        """The endpoints to report now that one of a server or client was found. Their messages go by
+        """The endpoints to report after an endpoint of a server or client was found. Their messages use
         RTPS."""
         part = service_part_from_dds(found.topic, found.type_name)
         if part is None:

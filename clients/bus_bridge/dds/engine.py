@@ -340,7 +340,7 @@ class _Subscription:
         self._readers: dict[ReaderKind, TopicReader] = {}
 
     def adapt(self, far: set[ReaderKind]) -> None:
-        """Make and end readers, so that they fit these far publishers."""
+        """Make and end readers to fit these far publishers."""
         wanted = kinds_for(self.endpoint.qos, far)
         if wanted == self._readers.keys():
             return

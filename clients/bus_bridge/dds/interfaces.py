@@ -16,7 +16,7 @@ _GET_FLAGS = 0x8913  # SIOCGIFFLAGS
 _GET_ADDRESS = 0x8915  # SIOCGIFADDR
 _IS_UP = 1
 _ADDRESS_AT = 20
-"""Where the answer has the address: after the name, the family and the port."""
+"""The address's place in the answer: after the name, the family and the port."""
 
 
 def is_address(text: str) -> bool:

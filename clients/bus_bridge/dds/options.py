@@ -40,7 +40,7 @@ class DdsOptions(msgspec.Struct, frozen=True):
     """`humble`: nodes of this bus are listed in Humble's form, which later distros can't read. `auto`: in the
     form of the first ROS 2 participant, or the newer form if there is none."""
     carrier: CarrierName = "auto"
-    """What carries topics: cyclonedds, or the RTPS of busd. `auto`: cyclonedds if it is installed and there
+    """The carrier of topics: cyclonedds, or the RTPS of busd. `auto`: cyclonedds if it is installed and there
     are no `servers`."""
     discovery: DiscoveryRange = "SUBNET"
     """How far the bridge looks for ROS 2's nodes, within the reach of `interface`."""

@@ -31,7 +31,7 @@ _PARTICIPANTS: Final = (
 _CALLS: Final = "<SPDPInterval>2 s</SPDPInterval>"
 """Our participant calls often, because ROS 2's nodes do not call on loopback by default, and do not know a
 `--peer` here. So a node that starts after the bridge waits for the bridge's call. Cyclone's default is to
-call seldom, and to forget a peer after 30 s without an answer."""
+call rarely, and to forget a peer after 30 s without an answer."""
 _SETTINGS: Final = (
     "<Internal><SocketReceiveBufferSize min='default' max='4 MB'/>"
     "<Watermarks><WhcHigh>8 MB</WhcHigh><WhcHighInit>2 MB</WhcHighInit></Watermarks></Internal>"

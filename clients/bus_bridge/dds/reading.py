@@ -2,8 +2,8 @@
 
 Each reader receives from all far writers of its topic. The strongest of the readers matched with a writer
 carries its messages. A reader that gets the writer's history is stronger than a reader without it; a reliable
-reader is stronger than a best-effort one. If the chosen reader goes, another takes over, and no message is
-repeated or missing.
+reader is stronger than a best-effort one. If the chosen reader is closed, another takes over, and no message
+is repeated or missing.
 """
 
 import asyncio

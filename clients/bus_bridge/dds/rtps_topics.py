@@ -388,7 +388,7 @@ class _Route:
 
 
 class _Nodes:
-    """The topic `ros_discovery_info`: our nodes, and those of other participants."""
+    """The topic `ros_discovery_info`: our nodes, and the nodes of other participants."""
 
     def __init__(self, participant: RunningParticipant, mark: dict[str, str]) -> None:
         self._participant = participant

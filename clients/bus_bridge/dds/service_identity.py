@@ -1,4 +1,4 @@
-"""Which request an answer belongs to, as the middlewares of ROS 2 write it. Pure.
+"""The identity of the request in each request and answer, as ROS 2's middlewares write it. Pure.
 
 Fast DDS (rmw_fastrtps, the default) has it in the inline QoS of a sample, and the payload is plain CDR:
 
@@ -31,7 +31,7 @@ __all__ = [
 
 _RELATED: Final = 0x0083
 _RELATED_OLD: Final = 0x800F
-"""The same before it had a number of its own: Fast DDS still sends both."""
+"""The same parameter before it had its own number: Fast DDS still sends both."""
 _NO_NUMBER: Final = -(1 << 32)
 _HEAD_BYTES: Final = 4
 _CYCLONE_BYTES: Final = 16
@@ -69,7 +69,7 @@ def write_answer(request: RequestId, cdr: bytes) -> Sample:
 def write_request(cdr: bytes, reader: bytes, writer: bytes, number: int, vendor: bytes) -> Sample:
     """A request of our client, for a server of that vendor.
 
-    `reader`: the GUID of the client's reader of answers; `writer`: the one of its writer of requests;
+    `reader`: the GUID of the client's reader of answers; `writer`: the GUID of its writer of requests;
     `number`: the request's number.
     """
     if vendor == CYCLONE:

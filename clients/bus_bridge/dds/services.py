@@ -1,9 +1,9 @@
-"""Services of ROS 2 over RTPS: servers and clients of ours in a DDS domain, and those of others.
+"""Services of ROS 2 over RTPS: our servers and clients in a DDS domain, and those of other programs.
 
 Owns: the two topics of each service, the identity of each call, and when a call can be made. Payloads are
 CDR. Must not know: busd's names for services, and how the bus carries calls.
 
-A call goes to one server, which is there if its endpoints have answered both of ours. Otherwise a server
+A call goes to one server, and only if the server's endpoints have answered both of ours. Otherwise a server
 could get a request before it knows the reader for the answer; Fast DDS drops the answer then.
 """
 
@@ -157,7 +157,7 @@ class ServiceServer:
         self.faulty = 0
         """Requests without an identity."""
         self.refused = 0
-        """Requests while too many others of their client were without an answer."""
+        """Requests of clients that had too many others without an answer."""
         self._services = services
         self._participant = services.participant
         self._on_request = on_request
@@ -277,7 +277,7 @@ class _Call(NamedTuple):
 class ServiceClient(CallingClient[_Call]):
     """A client of a service; made by `Services.make_client`.
 
-    If the answer to a call that was given up comes, it counts as late.
+    An answer that comes after the call was given up counts as late.
     """
 
     def __init__(self, services: Services, topics: _Topics, user_data: bytes) -> None:

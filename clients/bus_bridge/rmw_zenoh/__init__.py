@@ -9,8 +9,8 @@ Invariants:
 
 - ROS 2's nodes see our nodes as nodes of ROS 2: keys, tokens, attachments and gids follow rmw_zenoh.
 - Tokens are hostile. A session that exceeds a limit is refused alone.
-- Tokens of busds have an enclave of their own. They are ignored, so two bridges do not repeat messages.
-- A subscription, or a queryable, exists in zenoh before its token: who sees the token may use it.
+- Tokens of busds have a special enclave. Bridges ignore them, so two bridges do not repeat messages.
+- A subscription, or a queryable, exists in zenoh before its token: a program that sees the token may use it.
 - Only `session.py` uses the package zenoh, and only `keys.py` the package xxhash.
 
 Read first: `keys.py`, `graph.py`, `engine.py`.

@@ -16,12 +16,12 @@ class Attachment(NamedTuple):
     """The content of an attachment."""
 
     number: int
-    """Of a message: its number among its publisher's, from 1. Of a request and its answer: the request's
-    number among its client's."""
+    """The number of a message of its publisher, from 1. In a request and its answer: the number of the
+    client's request."""
     time_ns: int
     """Time of sending: wall clock of the sender's machine."""
     gid: bytes
-    """The gid of the publisher. Of a request and its answer: the gid of the client."""
+    """The gid of the publisher; in a request and its answer: the gid of the client."""
 
 
 def write(number: int, time_ns: int, gid: bytes) -> bytes:

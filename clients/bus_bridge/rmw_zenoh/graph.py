@@ -38,7 +38,7 @@ _ANNOUNCER: Final = "session "
 
 
 class ServiceKind(NamedTuple):
-    """What servers and clients must have in common."""
+    """The properties that servers and clients must have in common."""
 
     service: str
     type_name: str
@@ -90,7 +90,7 @@ class RosGraph:
         """Publishers of topics that were reported, by gid."""
         self._servers: dict[ServiceKind, dict[bytes, str]] = {}
         self._is_full = False
-        """Whether new tokens are left out, because no session has many of those that are there."""
+        """Whether new tokens are left out: there are too many, but no session has many of them."""
 
     @property
     def sessions(self) -> int:

@@ -5,7 +5,7 @@
     @ros2_lv/0/<session>/<node>/<id>/MP/<enclave>/<namespace>/<name>/<topic>/<type>/<hash>/<qos>  an endpoint
 
 In a part of a token, `%` stands for `/`. An empty part is `%`, too. Programs of busd have an enclave that no
-program of ROS 2 has, so that bridges of several busds don't carry what another one brought.
+program of ROS 2 has. So a bridge does not carry messages that another busd's bridge has brought.
 """
 
 import re

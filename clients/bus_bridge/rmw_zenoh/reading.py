@@ -44,7 +44,7 @@ class Intakes:
         """When each present publisher was announced."""
 
     def hold(self, key: str, known: KnownType) -> "Intake":
-        """The intake of a key, for one more user of it, who calls `release`."""
+        """The intake of a key, for one more user, which must call `release`."""
         intake = self._by_key.get(key)
         if intake is None:
             intake = self._by_key[key] = Intake(self, key, known)
@@ -102,7 +102,7 @@ class Intake:
             self._intakes.drop(self._key)
 
     def attach(self, reader: "RosReader", *, wants_history: bool) -> None:
-        """Pass the messages of a publisher to `reader`, first those that came early.
+        """Pass the messages of a publisher to `reader`, first its early messages.
 
         They are given soon: the caller counts the losses of a reader that it has.
         """

@@ -24,7 +24,7 @@ from bus_bridge.ros2.turns import TurnsOfServices
 __all__ = ["QOS", "RosClient", "RosServer", "RosServices"]
 
 QOS: Final = QoSProfile(10)
-"""The profile that servers and clients announce, as those of ROS 2."""
+"""The profile that servers and clients announce, as in ROS 2."""
 _MOST_BYTES: Final = 64 << 20
 """Requests to one server of ours: at most so many bytes without an answer, and between zenoh's thread and the
 loop."""
@@ -136,7 +136,7 @@ class RosServer:
         self._key = data_key(services.domain, service, types.type_name, types.type_hash)
         self._open: dict[RequestId, Question] = {}
         self._bytes = 0
-        """Of the requests in `_open`: zenoh keeps them."""
+        """The size of the requests in `_open`: zenoh keeps them."""
         self._is_closed = False
         session = services.session
         self._source = session.source(self._take, _MOST_BYTES, self._leave_out, keeps_oldest=True)
@@ -234,7 +234,7 @@ class RosClient(CallingClient["asyncio.Future[Response]"]):
         key = data_key(services.domain, *self._kind)
         super().__init__(service, services.turns.find(key, is_of_results=_OF_RESULTS in key))
         self.faulty = 0
-        """Answers without an attachment, or with one of another call."""
+        """Answers without an attachment, or with another call's attachment."""
         self._services = services
         token = services.make_token(node, "SC", *self._kind, QOS)
         self._gid = gid_of(token)

@@ -35,7 +35,7 @@ class RosWriter(RouteOut):
         self.gid = gid_of(token)
         self._number = 0
         kept = qos.depth or _MOST_KEPT if qos.durability is Durability.TRANSIENT_LOCAL else None
-        # Otherwise zenoh drops what its queue has no room for, and reports nothing.
+        # Otherwise zenoh drops messages without room in its queue, and reports nothing.
         waits = qos.reliability is Reliability.RELIABLE
         self._outlet = RosOutlet(session, key, self._outlet_changed, kept, priority, waits=waits)
         self._token = session.token(token)  # after the publisher, as in rmw_zenoh
@@ -54,7 +54,7 @@ class RosWriter(RouteOut):
         return samples.joined(self._codec, payload)
 
     def _send(self, cdr: bytes, time_ns: int) -> bool:
-        # The number is one of this link: messages that a rule leaves out are no losses on it.
+        # Numbers belong to this link: messages that a rule leaves out are no losses on it.
         if not self._outlet.put(cdr, attachment.write(self._number + 1, time_ns, self.gid)):
             return False
         self._number += 1

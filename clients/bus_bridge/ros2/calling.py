@@ -57,7 +57,7 @@ class CallingClient(ABC, Generic[C]):
     async def call(self, cdr: bytes) -> Response:
         """Make a call. There is no time limit.
 
-        Raises NoServer if there is no server, or if it goes before it has answered, BridgeError for too
+        Raises NoServer if there is no server, or if it leaves without an answer. Raises BridgeError for too
         many calls at once. Cancellation gives the call up.
         """
         if self.waiting >= _MOST_CALLS:

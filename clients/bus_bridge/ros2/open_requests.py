@@ -56,8 +56,8 @@ class OpenRequests:
         return len(self._by_key)
 
     def add(self, request: RequestId, server: Server) -> Key | None:
-        """Note a request that a server has received; returns the client and the number that it has on the
-        bus, or None if it is there already."""
+        """Note a request that a server has received. Returns the client and the number for the bus, or None
+        if it is open already or has ended."""
         if (key := self._keys.get(request)) is not None:
             self._by_key[key].servers[server] = None
             return None

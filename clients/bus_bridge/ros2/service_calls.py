@@ -1,9 +1,9 @@
 """Calls between this bus and ROS 2, in both directions: each has one end.
 
-Owns: which call of one side belongs to which of the other one, until its end. The bus is two functions: one
-that takes the messages of a topic of requests or replies, and `publish` for the other topic. `publish` gets
-the GUID of the far endpoint that a message comes from, and the message. Must not know: nodes, endpoints of
-the bus, rules.
+Owns: the pairs of a call on one side and the same call on the other, until its end. Two functions stand for
+the bus: one takes the messages of a topic of requests or replies, and `publish` is for the other topic.
+`publish` gets the message, and the GUID of the far endpoint that it comes from. Must not know: nodes,
+endpoints of the bus, rules.
 
 Each call ends once: with an answer, or with an error. ROS 2 has no errors of services: its clients wait as
 long as they want.
@@ -33,8 +33,8 @@ _PATIENCE_S: Final = 10.0
 class CallsFromRos:
     """A server of this bus, offered to ROS 2's clients. `publish` takes messages of the topic of requests.
 
-    On the bus, the client of a call has the GUID of the far client's writer. `requests`: those of the
-    service, if this bus has several servers of it.
+    On the bus, the client of a call has the GUID of the far client's writer. `requests`: the requests to
+    all servers of the service, if this bus has several.
     """
 
     def __init__(
@@ -126,7 +126,7 @@ class CallsToRos:
         self._publish = publish
         self._tasks: dict[tuple[bytes, int], asyncio.Task[None]] = {}
         self._entrance = asyncio.Lock()
-        """A call that waits for a server has it, so that no later call goes first."""
+        """A call holds it while it waits for a server, so no later call goes first."""
         self.client = services.make_client(service, types.type_name, user_data)
 
     @property

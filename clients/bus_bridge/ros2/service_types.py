@@ -95,7 +95,7 @@ class ServiceTypes:
     @staticmethod
     def of(requests: MessageSchema, replies: MessageSchema) -> "ServiceTypes":
         """The types of a service of this bus, by the schemas of its two topics. Raises BridgeError if they
-        are not those of one service, or if ROS 2 can't have the type."""
+        do not belong to one service, or if ROS 2 can't have the type."""
         name = requests.type_name.removesuffix("_Request")
         if (requests.type_name, replies.type_name) != (f"{name}_Request", f"{name}_Response"):
             raise BridgeError(f"{requests.type_name} and {replies.type_name} are not of one service")

@@ -63,7 +63,7 @@ class ServiceWays:
         self._early: Early[bytes, Arrived] = Early(_EARLY, _EARLY_BYTES)
         """Messages that came before the bridge had a route for them."""
         self._reasons: Early[str, Arrived] = Early(_EARLY, _EARLY_BYTES)
-        """Messages from none of the far servers, by topic, while no route can bring them: the bus may show a
+        """Messages that no far server has sent, by topic, while no route can bring them: the bus may show a
         client its server before it shows the server's publisher of replies."""
 
     def announce_publisher(
@@ -184,8 +184,8 @@ class ServiceWays:
     def _deliver_reason(self, topic: str, payload: bytes) -> None:
         """Deliver a message that says why there is no answer.
 
-        All routes of that topic bring it: it speaks for all servers, and a client with several gives up a
-        call only after each has denied it.
+        All routes of that topic bring it, because it is true of all servers: a client with several servers
+        gives up a call only after each has denied it.
         """
         readers = [one.endpoint.gid for one in self._readers.values() if one.endpoint.topic == topic]
         if not readers:
@@ -227,7 +227,7 @@ class _End:
         return halves == {(True, False), (False, True)}
 
     def take_over(self, other: "_End") -> None:
-        """Take the only endpoint of another end. The endpoint that it was announced with has gone."""
+        """Take the only endpoint of another end. Its former partner has gone."""
         if other.publisher is not None:
             self.publisher, other.publisher = other.publisher, None
             self.publisher.move_to(self)
@@ -301,7 +301,7 @@ class _Reader:
         self._ways = ways
 
     def taken(self, size: int) -> None:
-        """Nothing waits for this: calls have limits of their own."""
+        """Nothing waits for this: calls have separate limits."""
 
     def close(self) -> None:
         self._ways.reader_closed(self)

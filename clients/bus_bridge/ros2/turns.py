@@ -1,9 +1,9 @@
-"""The order of many calls of one service, so that the queue of its server in ROS 2 does not overflow.
+"""The turns of calls of one service. They keep the queue of its server in ROS 2 from overflowing.
 
-Owns: the calls that wait, and those that may be in the server's queue. Must not know: what a call is.
+Owns: the waiting calls, and the calls that may be in the server's queue. Must not know: their content.
 
-A server takes requests in their order. So an answer tells that no earlier request is in its queue any more,
-also if an earlier one has no answer: it is lost, or the server works on many calls at the same time.
+A server takes requests in their order. So an answer shows that no earlier request is in its queue any more.
+An earlier request without an answer is lost, or the server works on many calls at the same time.
 """
 
 import asyncio
@@ -14,7 +14,7 @@ from weakref import WeakValueDictionary
 __all__ = ["Turns", "TurnsOfServices"]
 
 _AT_ONCE: Final = 8
-"""A server of ROS 2 keeps ten requests that it has not taken, and forgets the oldest ones without a word."""
+"""A server of ROS 2 keeps ten requests that it has not taken, and drops the oldest ones without a report."""
 _PAUSE_S: Final = 0.1
 _GROWTH: Final = 4.0
 
@@ -22,9 +22,9 @@ _GROWTH: Final = 4.0
 class Turns:
     """Calls of all our clients of a service.
 
-    While eight calls may be in the server's queue, further ones wait until an open call has ended, or for a
-    pause without an answer: a server may work on many calls at the same time. Each further call without an
-    answer makes the pause `growth` times as long.
+    While eight calls may be in the server's queue, further ones wait until an open call has ended. After a
+    pause without an answer one more call is made: a server may work on many calls at the same time. Each
+    further call without an answer makes the pause `growth` times as long.
     """
 
     def __init__(self, growth: float = _GROWTH) -> None:

@@ -1,4 +1,4 @@
-"""RTPS, the protocol below DDS, in plain Python: what ROS 2's services need and no package offers.
+"""RTPS, the protocol below DDS, in plain Python: the parts for ROS 2's services that no package offers.
 
     datagrams <-> `messages.py` (`parameters.py`, `ids.py`);  discovery: `announcements.py`, `policies.py`
     samples <-> `writer.py` <-> `messages.py` <-> `reader.py` (`fragments.py`, `room.py`; states: `lives.py`)

@@ -1,6 +1,6 @@
 """Descriptions of participants, readers and writers, as discovery sends them: to bytes, and back. Pure.
 
-Owns: which parameters describe what, and the rules of matching. Must not know: ROS 2's names, who announces.
+Owns: the meaning of parameters, and the rules of matching. Must not know: ROS 2's names, the announcers.
 """
 
 from typing import Final, Literal, NamedTuple
@@ -84,7 +84,7 @@ _USED_DS_VERSION: Final = "2.0"
 
 
 class Related(NamedTuple):
-    """The identity of an announcement. A Discovery Server passes it on by a writer of its own, with another
+    """The identity of an announcement. A Discovery Server passes it on by its own writer, with another
     number."""
 
     writer: bytes
@@ -98,11 +98,11 @@ class ParticipantData(NamedTuple):
     discovery_addresses: tuple[Address, ...]
     """For announcements to it."""
     addresses: tuple[Address, ...]
-    """For samples to its readers and writers, if they have none of their own."""
+    """For samples to those of its readers and writers that have no own addresses."""
     lease_ns: int
     user_data: bytes = b""
     role: str = ""
-    """What it is to a Discovery Server of Fast DDS; empty: it has nothing to do with one, or did not say."""
+    """Its role for Discovery Servers of Fast DDS; empty: none, or it did not say."""
 
     @property
     def is_server(self) -> bool:
@@ -240,7 +240,7 @@ def inline_qos(*, related: Related | None = None, gone: bytes | None = None) -> 
 
 
 def departed(payload: bytes | None, inline: Parameters) -> bytes | None:
-    """The GUID of a participant or endpoint that has gone; empty if it can't be told which one.
+    """The GUID of a participant or endpoint that has gone; empty if that is unknown.
 
     None: the news are not about an end.
     """

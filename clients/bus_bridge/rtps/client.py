@@ -1,10 +1,12 @@
 """A participant that is a client of Discovery Servers of Fast DDS. Pure.
 
-It announces itself to the servers only, and learns of all others from them: of participants by a third pair
-of a reliable writer and a reader, of their endpoints by the writers of the server. Samples go directly.
+It announces itself to the servers only, and learns of all others from them. It hears of participants by a
+third pair of a reliable writer and a reader, and of their endpoints by the writers of the server. Samples go
+directly.
 
-Owns: which servers are believed, and what is kept while servers come and go. Others that a server announces
-have no lease of their own: the server watches them. Without a server, they are asked for signs of life.
+Owns: the choice of trusted servers, and the knowledge that stays while servers come and go. Participants that
+a server announces have no separate lease: the server watches them. Without a server, this participant asks
+them for signs of life.
 """
 
 from collections.abc import Callable, Iterable
@@ -96,15 +98,15 @@ class ClientParticipant(Participant):
             try:
                 data = read_participant(one.payload or b"", prefix)
             except RtpsError:
-                return False  # of another participant: the server sends that again once it is known
+                return False  # about another participant: a known server repeats it
             if data.is_server and self._is_chosen(data, source):
                 self._meet_server(data, source)
         return False
 
     def _meet_server(self, data: ParticipantData, source: Address) -> None:
-        """A server announces itself. It does not send again what this participant has acknowledged to it.
+        """A server announces itself. It does not repeat samples that this participant has acknowledged to it.
 
-        So if everything is wanted once more, it gets the end of this participant, and later its announcement.
+        So if it must repeat everything, it gets the end of this participant, and later its announcement.
         """
         if data.prefix in self._renewed and data.discovery_addresses:
             self._renewed.discard(data.prefix)
@@ -119,7 +121,7 @@ class ClientParticipant(Participant):
             self._meet(data, source)
 
     def _is_chosen(self, data: ParticipantData, source: Address) -> bool:
-        """Whether a server is one of the settings. It may answer from another address of its machine."""
+        """Whether the settings name a server. It may answer from another address of its machine."""
         hosts = {peer[0] for peer in self._settings.peers}
         is_here = source[0] in {one[0] for one in self._settings.addresses}
         return (
@@ -221,7 +223,7 @@ class ClientParticipant(Participant):
     # --- endpoints
 
     def _endpoint_told(self, sender: FarParticipant, endpoint: EndpointData) -> None:
-        """An endpoint of the sender, or of one that it announces: also before it does that."""
+        """An endpoint of the sender, or of a participant that it announces, now or later."""
         prefix = endpoint.guid[:PREFIX_BYTES]
         far = self.far.find(prefix)
         if far is not None and (far is sender or sender.prefix in far.servers):

@@ -1,7 +1,7 @@
 """Far participants and their endpoints, with their leases and limits. Pure.
 
-Owns: who is there, until when, and under which address. Must not know: how announcements travel, our own
-endpoints.
+Owns: the present participants, the ends of their leases and their addresses. Must not know: the transport of
+announcements, our own endpoints.
 """
 
 from collections.abc import Iterator, Mapping
@@ -25,7 +25,7 @@ class Bounds(NamedTuple):
 
     participants: int = 256
     endpoints: int = 4000
-    """Of each participant, among the wanted topics."""
+    """The most of each participant, among the wanted topics."""
     room_bytes: int = 32 << 20
     """Memory for samples of each participant that can't be delivered yet."""
 
@@ -43,11 +43,11 @@ class FarParticipant:
         self.room = Room(room_bytes)
         self.endpoints: dict[bytes, EndpointData] = {}
         self.refused_endpoints = 0
-        """Announcements that were wrong, or one too many."""
+        """Announcements that were wrong, or above the limit."""
         self.update(data, source)
 
     def update(self, data: ParticipantData, source: Address) -> None:
-        """Take over its newest announcement, from `source`: its own address, or that of a server."""
+        """Take over its newest announcement, from `source`: its own address, or the address of a server."""
         self.data = data
         self.source = source
         self.vendor = data.vendor
@@ -113,7 +113,7 @@ class FarParticipants:
         self._expires_ns[far.prefix] = now_ns + far.lease_ns
 
     def expired(self, now_ns: int) -> list[FarParticipant]:
-        """Participants whose lease has ended. A Discovery Server watches those that it announces."""
+        """Participants whose lease has ended, without those that a Discovery Server watches."""
         due = [self._by_prefix[prefix] for prefix, end in self._expires_ns.items() if end <= now_ns]
         return [far for far in due if not far.servers]
 
@@ -146,7 +146,7 @@ class FarParticipants:
         return True
 
     def remove_endpoint(self, guid: bytes) -> EndpointData | None:
-        """Forget an endpoint; returns what it was, or None if it is not known."""
+        """Forget an endpoint; returns it, or None if it is not known."""
         far = self._by_prefix.get(guid[:PREFIX_BYTES])
         endpoint = None if far is None else far.endpoints.pop(guid, None)
         if endpoint is not None:

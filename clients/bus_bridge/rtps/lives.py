@@ -14,7 +14,7 @@ __all__ = [
 
 
 class WriterState(Enum):
-    """What a writer does about one far reader."""
+    """The task of a writer for one far reader."""
 
     QUIET = "quiet"
     """The reader has acknowledged everything for it."""
@@ -32,7 +32,7 @@ class WriterEvent(Enum):
     REPAIR = "repair"
     """Everything that it asked for was sent once more."""
     CATCH_UP = "catch up"
-    """It has acknowledged everything, or what it lacks is no longer kept."""
+    """It has acknowledged everything, or the samples that it lacks are no longer kept."""
 
 
 WRITER_TRANSITIONS: Mapping[WriterState, Mapping[WriterEvent, WriterState]] = {

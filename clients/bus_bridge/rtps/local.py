@@ -16,7 +16,7 @@ class Local:
         self.reader = end if isinstance(end, Reader) else None
         self.writer = end if isinstance(end, Writer) else None
         self.announced = 0
-        """The number of its announcement, among those of its kind."""
+        """The number of its announcement, among announcements of its kind."""
 
     @property
     def matched(self) -> list[bytes]:

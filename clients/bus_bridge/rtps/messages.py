@@ -1,10 +1,10 @@
 """Datagrams of RTPS 2.3 to submessages, and back. Pure.
 
-Owns: the layout of datagrams and submessages. Must not know: who reads and writes, what a payload means.
+Owns: the layout of datagrams and submessages. Must not know: readers, writers, the meaning of a payload.
 
-Nothing in a datagram is believed: a length is checked against the bytes that are there, a set of numbers has
-at most 256 members, and what follows a broken submessage is ignored. Submessages of unknown kinds are passed
-over, as the standard asks.
+Nothing in a datagram is trusted: lengths are checked against the received bytes, and a set of numbers has at
+most 256 members. The rest of a datagram after a broken submessage is ignored. Submessages of unknown kinds
+are passed over, as the standard asks.
 """
 
 import struct
@@ -157,7 +157,7 @@ Submessage: TypeAlias = Data | DataFragments | Heartbeat | HeartbeatFragment | A
 
 
 class Received(NamedTuple):
-    """A submessage, with what others before it in the datagram said."""
+    """A submessage, with facts from earlier submessages of the datagram."""
 
     source: bytes
     """The prefix of the sending participant."""
@@ -170,10 +170,10 @@ class Received(NamedTuple):
 
 class Datagram(NamedTuple):
     vendor: bytes
-    """Of the sender of the datagram."""
+    """The vendor id of the sender."""
     received: list[Received]
     fault: str
-    """Why the rest of the datagram is ignored; empty if nothing is."""
+    """The reason to ignore the rest of the datagram; empty if there is none."""
 
 
 def read_datagram(data: bytes) -> Datagram:
@@ -342,12 +342,12 @@ def _submessage(kind: int, flags: int, body: bytes) -> bytes:
 
 
 def write_destination(prefix: bytes) -> bytes:
-    """What follows is for the participant with that prefix."""
+    """The following submessages are for the participant with that prefix."""
     return _submessage(_INFO_DST, 0, prefix)
 
 
 def write_time(time_ns: int) -> bytes:
-    """The time of publication of what follows."""
+    """The time of publication of the following samples."""
     seconds, rest = divmod(time_ns, _NS_PER_S)
     fraction = min(-(-(rest << 32) // _NS_PER_S), 0xFFFF_FFFF)  # rounded up: reading rounds down
     return _submessage(_INFO_TS, 0, struct.pack("<II", seconds & 0xFFFF_FFFF, fraction))

@@ -10,11 +10,11 @@ from bus_bridge.rtps.parameters import Address
 __all__ = ["Outbox"]
 
 _HEAD_BYTES: Final = 36
-"""Of a datagram: RTPS's head, and the addressed participant."""
+"""The head of a datagram: RTPS's own head, and the addressed participant."""
 
 
 class Outbox:
-    """What is to be sent; `flush` sends it.
+    """Submessages that wait to be sent; `flush` sends them.
 
     `datagram_bytes`: submessages share a datagram up to this size. A longer one goes alone.
     """
@@ -44,7 +44,7 @@ class Outbox:
         self._sizes[key] = held + size
 
     def put_for_all(self, address: Address, parts: Sequence[bytes]) -> None:
-        """Send submessages for whoever receives them there, at once."""
+        """Send submessages at once, for all participants that receive them there."""
         self._transmit(address, self._head + b"".join(parts))
 
     def flush(self) -> None:

@@ -3,7 +3,7 @@
 Owns: their submessages and inline QoS. Must not know: when an announcement is due.
 
 Discovery Servers of Fast DDS ignore participants of other vendors. So a client of such servers announces the
-vendor id of Fast DDS. Its announcements have an identity: a server passes them on by writers of its own.
+vendor id of Fast DDS. Its announcements have an identity, because a server passes them on by its own writers.
 """
 
 from typing import Final, NamedTuple
@@ -31,13 +31,13 @@ class Settings(NamedTuple):
     addresses: tuple[Address, ...]
     """Where it receives."""
     peers: tuple[Address, ...]
-    """Where it announces itself: the multicast group, or addresses that participants may have."""
+    """Addresses for its announcements: the multicast group, or addresses that participants may have."""
     is_client: bool = False
     """Whether the peers are Discovery Servers."""
     user_data: bytes = b""
     datagram_bytes: int = 16_000
     fragment_bytes: int = 60_000
-    """Over a network of its own, both should fit into one of its packets."""
+    """With a real network, both should fit into one of its packets."""
     bounds: Bounds = USUAL_BOUNDS
 
 
@@ -64,12 +64,12 @@ class OwnAnnouncements:
         """The payload of the announcement of the participant."""
 
     def alive(self) -> bytes:
-        """The announcement of the participant, for whoever receives it."""
+        """The announcement of the participant, for all that receive it."""
         inline = self.inline(SPDP_WRITER, self.number)
         return write_data(UNKNOWN_ENTITY, SPDP_WRITER, self.number, self.description, inline)
 
     def disposal(self) -> bytes:
-        """The announcement that the participant goes. Fast DDS ignores it with a number that it knows."""
+        """The announcement that the participant leaves. Fast DDS ignores it with a number that it knows."""
         number = self.number + 1
         inline = self.inline(SPDP_WRITER, number, gone=self._prefix + PARTICIPANT)
         return write_data(SPDP_READER, SPDP_WRITER, number, None, inline)

@@ -64,7 +64,7 @@ _ANNOUNCE_NS: Final = 2_000_000_000
 OF_DISCOVERY: Final = Keeping(changes=20_000, payload_bytes=32 << 20, for_late_joiners=True)
 """How much the writers of announcements keep."""
 _KINDS: Final[Mapping[bytes, EndpointKind]] = {PUBLICATIONS_WRITER: "writer", SUBSCRIPTIONS_WRITER: "reader"}
-"""What the two writers of discovery announce."""
+"""The kind of endpoints that each writer of discovery announces."""
 _READERS: Final = {
     PUBLICATIONS_WRITER: PUBLICATIONS_READER,
     SUBSCRIPTIONS_WRITER: SUBSCRIPTIONS_READER,
@@ -116,7 +116,7 @@ class Participant:
         """By entity id."""
         self._by_topic: dict[str, dict[bytes, Local]] = {}
         self._matched: dict[bytes, dict[bytes, Local]] = {}
-        """Our endpoints by GUID of the far one that they are matched with."""
+        """Our endpoints by the GUID of each matched far endpoint."""
         self._ends: dict[bytes, Reader | Writer] = {}
         for entity in (PUBLICATIONS_WRITER, SUBSCRIPTIONS_WRITER):
             self._ends[entity] = Writer(entity, self._send, OF_DISCOVERY)
@@ -128,7 +128,7 @@ class Participant:
         self._planned: dict[bytes, int] = {}
         self._turns = count()
         self.gathers = False
-        """Whether what is to be sent waits for `flush`, so that it shares datagrams with more."""
+        """Whether submessages wait for `flush`, to share datagrams with later ones."""
         self._announce_ns: int | None = None
         self._now_ns = 0
 
@@ -243,7 +243,7 @@ class Participant:
                     end.act(now_ns)
 
     def flush(self) -> None:
-        """Send what waits, and send at once again."""
+        """Send waiting submessages, and send at once from now on."""
         self.gathers = False
         self._outbox.flush()
 
@@ -264,7 +264,7 @@ class Participant:
                 self._receive(received, source)
 
     def leave(self, now_ns: int) -> None:
-        """Tell all others that this participant goes. Nothing may be called after that."""
+        """Tell all others that this participant leaves. Nothing may be called after that."""
         news = [self._own.disposal()]
         for address in self._called():
             self._outbox.put_for_all(address, news)
@@ -302,10 +302,10 @@ class Participant:
             self._outbox.put(address, far.prefix, list(parts))
 
     def _called(self) -> Iterable[Address]:
-        """The addresses of all announcements: those of the settings, and of all that it has found.
+        """The addresses of all announcements: from the settings, and of all participants found.
 
-        Those may be out of reach of the settings' addresses, if they have called this participant first. A
-        datagram may be lost, and Fast DDS ignores announcements that come while it starts.
+        The latter may be out of reach of the settings' addresses, if they have called this participant first.
+        A datagram may be lost, and Fast DDS ignores announcements that come while it starts.
         """
         found = (far.discovery_address for far in self.far if far.discovery_address is not None)
         return dict.fromkeys((*self._settings.peers, *found))

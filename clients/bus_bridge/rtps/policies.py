@@ -1,4 +1,4 @@
-"""QoS policies of DDS, for readers and writers, and the rule of which of them are compatible. Pure.
+"""QoS policies of DDS, for readers and writers, and the rule for compatible ones. Pure.
 
 Must not know: how policies travel, and the profiles of this bus.
 """

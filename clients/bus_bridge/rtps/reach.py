@@ -27,7 +27,7 @@ class Reach(NamedTuple):
     """Addresses of further machines."""
     discovery: DiscoveryRange = "SUBNET"
     """`LOCALHOST`: no multicast, so only `peers` and this machine are called. `OFF`: it calls no
-    other participant, and ignores all that call it. `SYSTEM_DEFAULT` is the same as `SUBNET`."""
+    other participant, and ignores calls. `SYSTEM_DEFAULT` is the same as `SUBNET`."""
     servers: tuple[Address, ...] = ()
     """Discovery Servers of Fast DDS. With any, only they are called, and they tell of all others."""
 

@@ -1,4 +1,4 @@
-"""A reader, and its far writers: samples in, in order and each once; missing ones are asked for. Pure.
+"""A reader, and its far writers: samples in, in order and each once; it asks for missing ones. Pure.
 
 Owns: the numbers of each far writer, samples that are ahead of a missing one, acknowledgments. Must not know:
 addresses, datagrams, clocks: times come from the caller, submessages go to `send`.
@@ -30,7 +30,7 @@ __all__ = ["Arrived", "Reader"]
 _FIRST_PAUSE_NS: Final = 10_000_000
 _LONGEST_PAUSE_NS: Final = 1_000_000_000
 _PATIENCE_NS: Final = 5_000_000_000
-"""A sample of which no fragment has come for so long is given up; a reliable writer sends it again."""
+"""The reader gives up a sample if no fragment comes for so long; a reliable writer sends it again."""
 _MOST_PARTIAL: Final = 16
 """Samples of one writer that arrive in fragments at the same time."""
 _MOST_ASKED_PARTIAL: Final = 4
@@ -97,7 +97,7 @@ class Reader:
     """One reader of our participant. `deliver` gets samples in the order of each writer.
 
     `sample_bytes`: longer samples are passed over, and counted. `on_restart` is called with the GUID of a
-    writer that has restarted with the GUID that it had before, as Discovery Servers do: remove it then.
+    writer that has restarted with the same GUID, as Discovery Servers do: remove it then.
     """
 
     def __init__(
@@ -123,7 +123,7 @@ class Reader:
         self._on_restart = on_restart
         self._writers: dict[bytes, _Far] = {}
         self._floor = 0
-        """The highest serial of requests to writers that were removed: one that is back may remember it."""
+        """The highest serial of requests to removed writers: a writer that is back may remember it."""
 
     @property
     def writers(self) -> list[bytes]:
@@ -160,7 +160,7 @@ class Reader:
             far.clear()
 
     def ask(self, guid: bytes, now_ns: int) -> bool:
-        """Ask that writer for a heartbeat; returns whether it is one that gives any."""
+        """Ask that writer for a heartbeat; returns False if it sends none."""
         far = self._writers.get(guid)
         if far is None or not far.reliable:
             return False
@@ -229,7 +229,7 @@ class Reader:
             far.due_ns = far.asked_ns + _FIRST_PAUSE_NS
 
     def heartbeat_fragment(self, guid: bytes, one: HeartbeatFragment, now_ns: int) -> None:
-        """Handle a heartbeat about the fragments of a sample: those that did not come are asked for."""
+        """Handle a heartbeat about the fragments of a sample: ask for missing ones."""
         far = self._writers.get(guid)
         is_missing = far is not None and far.reliable and one.number in far.partial
         if far is not None and is_missing and now_ns - far.asked_ns >= _FIRST_PAUSE_NS:
@@ -251,7 +251,7 @@ class Reader:
         self._slide(far, now_ns)
 
     def act(self, now_ns: int) -> None:
-        """Ask once more for what is missing, and give up samples whose fragments don't come."""
+        """Ask once more for missing samples, and give up samples whose fragments don't come."""
         for far in list(self._writers.values()):
             if far.due_ns > now_ns:
                 continue

@@ -5,7 +5,7 @@ from typing import Final
 __all__ = ["ITEM_BYTES", "Room"]
 
 ITEM_BYTES: Final = 200
-"""The cost of a kept item besides its bytes, so that many empty ones have a limit, too."""
+"""The cost of a kept item in addition to its bytes: so many empty items have a limit, too."""
 
 
 class Room:

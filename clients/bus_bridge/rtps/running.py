@@ -22,7 +22,7 @@ from bus_bridge.rtps.writer import USUAL, Keeping
 __all__ = ["RunningParticipant"]
 
 _PACKET_BYTES: Final = 1400
-"""What fits into one packet of most networks."""
+"""Bytes that fit into one packet of most networks."""
 _LONGEST_SLEEP_S: Final = 3600.0
 _LOOPBACK: Final = Reach()
 
@@ -74,7 +74,7 @@ class RunningParticipant:
 
     @property
     def unsent(self) -> int:
-        """Datagrams that could not be sent; what was in them is sent again if a far reader asks."""
+        """Datagrams that could not be sent; their samples are sent again if a far reader asks."""
         return self._sockets.dropped
 
     def add_writer(

@@ -39,7 +39,7 @@ _MOST_GAPS: Final = 16
 
 
 class Keeping(NamedTuple):
-    """How much a writer keeps. Beyond that, the oldest sample goes, and is counted as lost."""
+    """How much a writer keeps. Above that, it drops the oldest sample; one not yet acknowledged is lost."""
 
     changes: int = 1000
     payload_bytes: int = 16 << 20
@@ -72,7 +72,7 @@ class _Far:
         self.guid = guid
         self.reliable = reliable
         self.first = start
-        """The first number that it may ask for: after those before the match, and those lost for it."""
+        """The first number that it may ask for: after the numbers before the match, and after lost ones."""
         self.told = told
         """It was told of all numbers up to this one: by a sample, or by a gap."""
         self.acknowledged = start - 1
@@ -81,7 +81,7 @@ class _Far:
         self.wanted: dict[tuple[int, int], None] = {}
         """Numbers with fragments (0: all of it) that it has asked for, in this order."""
         self.serials = Serials(), Serials()
-        """Of its ACKNACKs and NACK_FRAGs."""
+        """The serials of its ACKNACKs and NACK_FRAGs."""
         self.pause_ns = _FIRST_PAUSE_NS
         self.due_ns = 0
         self.rests_until_ns = 0
@@ -101,7 +101,7 @@ class Writer:
     """One writer of our participant.
 
     `fragment_bytes`: longer samples are sent in fragments of this size. `on_restart` is called with the GUID
-    of a reader that has lost what it had acknowledged: remove it then. None: it may ask for it again.
+    of a reader that has lost samples that it had acknowledged: remove it then. None: it may ask for it again.
     """
 
     def __init__(
@@ -126,7 +126,7 @@ class Writer:
         self._on_restart = on_restart
         self._readers: dict[bytes, _Far] = {}
         self._floor = 0
-        """The highest serial of heartbeats to readers that were removed: one that is back may remember it."""
+        """The highest serial of heartbeats to removed readers: a reader that is back may remember it."""
         self._kept: dict[int, Change] = {}
         self._kept_bytes = 0
 
@@ -151,7 +151,7 @@ class Writer:
         return min(due, default=None)
 
     def has_answered(self, guid: bytes) -> bool:
-        """Whether that reader has acknowledged anything, so that it knows this writer."""
+        """Whether that reader has acknowledged anything, and so knows this writer."""
         far = self._readers.get(guid)
         return far is not None and far.has_answered
 
@@ -167,7 +167,7 @@ class Writer:
         return 0 if far is None else far.acknowledged
 
     def ask(self, guid: bytes, now_ns: int) -> bool:
-        """Ask that reader for an acknowledgment; returns whether it is one that gives any."""
+        """Ask that reader for an acknowledgment; returns False if it sends none."""
         far = self._readers.get(guid)
         if far is None or not far.reliable:
             return False
@@ -338,7 +338,7 @@ class Writer:
             self._beat(far, now_ns)
 
     def _push(self, far: _Far, change: Change, now_ns: int) -> None:
-        """Send a new sample to a reader, and what it must know of the numbers before."""
+        """Send a new sample to a reader, and first a gap for numbers that are not for it."""
         if change.number > far.told + 1:
             first = far.told + 1
             self._send(far.guid, [write_gap(far.guid[PREFIX_BYTES:], self.entity, first, change.number)])
@@ -389,7 +389,7 @@ class Writer:
         far.pause_ns = min(2 * far.pause_ns, _LONGEST_PAUSE_NS)
 
     def _send_gaps(self, far: _Far, missing: Sequence[int]) -> None:
-        """Say which of the numbers that a reader asks for, and of those behind them, are not for it."""
+        """Tell a reader which of the numbers that it asks for, and of the next ones, are not for it."""
         parts: list[bytes] = []
         end = 0
         for number in missing:

@@ -30,7 +30,7 @@ class Links:
         *,
         wants_routers: bool = False,
     ) -> None:
-        """`wants_routers`: addresses to connect to may be those of routers."""
+        """`wants_routers`: routers may answer at the addresses to connect to."""
         self._wants_routers = wants_routers
         self._options = options
         self._session = session

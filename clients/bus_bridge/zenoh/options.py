@@ -33,9 +33,9 @@ class ZenohOptions(msgspec.Struct, frozen=True, kw_only=True):
     insecure: bool = False
     """Addresses other than loopback may work without certificates."""
     compression: bool = False
-    """zenoh compresses what it sends on a link (LZ4), if the other side has this set, too."""
+    """zenoh compresses the data on a link (LZ4), if the other side has this set, too."""
     groups: Groups = Groups()
-    """The group of this bus, and those that it sees."""
+    """The group of this bus, and the groups that it sees."""
 
 
 class Address(msgspec.Struct, frozen=True):

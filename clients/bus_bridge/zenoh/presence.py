@@ -27,8 +27,7 @@ from bus_bridge.zenoh.keys import (
 __all__ = ["MAX_RUNS", "MAX_TOKENS", "Interest", "Presence"]
 
 _PATIENCE = 15
-"""Number of checks after which a run is neither the remains of a killed bridge, nor waits for such
-remains."""
+"""After so many checks, a run is no rest of a killed bridge, and does not wait for such a rest to vanish."""
 
 MAX_TOKENS = 100_000
 """The most tokens of one bus. It bounds memory here, and is far above the bridge's own limit."""
@@ -248,7 +247,7 @@ class Presence:
         run.interests.clear()
 
     def _make_room(self) -> bool:
-        """Forget a bridge that does not see this bus, or with tokens of endpoints but none of its own."""
+        """Forget a bridge that does not see this bus, or has tokens of endpoints but no token itself."""
         for key, run in self._runs.items():
             if run.token is None or not run.groups.sees(self._groups):
                 self._clear(run)

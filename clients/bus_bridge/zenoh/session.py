@@ -32,9 +32,9 @@ __all__ = ["PRIORITIES", "Declared", "Link", "Outlet", "Query", "Session", "Sour
 _T = TypeVar("_T")
 
 _THREADS = "(rx: (worker_threads: 1), acc: (handover: rx))"
-"""Settings that zenoh reads once, from its environment. By default, the thread that the system notifies of
-input wakes one of two other threads to read it. With this setting it reads itself on accepted links: Python
-could not run two threads at a time anyway."""
+"""Settings that zenoh reads once, from its environment. By default, the system notifies one thread of
+input, which wakes one of two other threads to read it. With this setting, it reads itself on accepted links:
+Python could not run two threads at a time anyway."""
 _LEASE_MS = 10_000
 _RETRY = {"period_init_ms": 500, "period_max_ms": 1000, "period_increase_factor": 2}
 _OPEN_MS = 4000  # then try again: TCP's pauses grow, and the cable may be back earlier

@@ -49,7 +49,7 @@ class Window:
 
     @property
     def in_flight(self) -> int:
-        """Bytes that at least one importer has not received yet. Of a lossless route: that its bus has not
+        """Bytes that at least one importer has not received yet; in a lossless route: that its bus has not
         taken yet."""
         return self._flying.size
 

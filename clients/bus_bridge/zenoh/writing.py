@@ -259,7 +259,7 @@ class ZenohWriter:
             part = rest.popleft()
             try:
                 put(part.payload, attachment=part.head)
-            finally:  # after the put, so that zenoh sends meanwhile
+            finally:  # after the put: zenoh sends meanwhile
                 must_ask = window.add(part) or must_ask
         if must_ask:
             self._probe()

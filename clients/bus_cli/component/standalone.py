@@ -1,4 +1,4 @@
-"""`bus component standalone`: run a component in a container of its own, until Ctrl-C."""
+"""`bus component standalone`: run a component in a separate container, until Ctrl-C."""
 
 import asyncio
 import signal

@@ -6,7 +6,7 @@ Invariants:
 
 - No check waits for long, because users run the doctor if a daemon or program hangs.
 - `procfs.py` reads data of the kernel, which may be gone or hidden at any time. It does not judge.
-- `reports.py` only states facts, for `--report`; `hello.py` is a verb of its own.
+- `reports.py` only states facts, for `--report`; `hello.py` is a separate verb.
 - `conformance/` tests a client that is not made with this library.
 - A finding of `fail` makes the exit code 1. Each `fail` and `warn` has advice, if there is any.
 

@@ -1,7 +1,7 @@
 """`bus doctor hello`: which machines receive from each other, by topic and by multicast.
 
-Publishes a text with the name of this machine and sends it to a multicast group, and counts what comes from
-other machines. By topic, they need a bridge.
+Publishes a text with the name of this machine, sends it to a multicast group, and counts texts from other
+machines. Only topics need a bridge.
 """
 
 import asyncio

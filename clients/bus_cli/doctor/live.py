@@ -1,6 +1,6 @@
 """Losses that happen while the doctor watches, and advice about earlier ones.
 
-`watch` looks at the bus for some seconds; `examine` is pure and judges what was seen.
+`watch` looks at the bus for some seconds; `examine` is pure and judges the results.
 """
 
 import os

@@ -95,7 +95,7 @@ def _guarded(name: str, lines: Sequence[str], language: Language) -> str:
 
 
 def _once(macro: str, name: str, language: Language, lines: Iterable[str]) -> Iterator[str]:
-    """Lines that a source gets once; an error if it has those for the other language already.
+    """Lines that a source gets once; an error if it already has the other language's lines.
 
     Both languages have the same names of functions.
     """

@@ -20,7 +20,7 @@ __all__ = [
 
 GROUP = "225.0.0.1"
 PORT = 49150
-"""As in ROS 2, so that both tools hear each other."""
+"""As in ROS 2: both tools receive from each other."""
 
 _MOST_PORT, _MOST_TTL = 65535, 255
 

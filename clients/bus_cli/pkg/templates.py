@@ -1,6 +1,6 @@
 """The texts of a new package: makes contents of files from values. Pure: must not touch the file system.
 
-The texts have the same form as in ROS 2, so that the steps of a lesson work (put the dependencies after the
+The texts have the same form as in ROS 2. So the steps of lessons work (put the dependencies after the
 license, fill in `console_scripts`).
 """
 

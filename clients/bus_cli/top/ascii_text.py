@@ -14,7 +14,7 @@ _INSTEAD = str.maketrans(
         **dict.fromkeys("│┃", "|"),
     }
 )
-"""One character for one: columns stay where they are."""
+"""One character for each: columns stay aligned."""
 
 
 def is_dumb(environ: Mapping[str, str]) -> bool:

@@ -29,7 +29,7 @@ class Column(NamedTuple):
     is_left: bool = False
     """Whether texts are aligned left although there is a width."""
     least: int = 16
-    """For a column without a width: cells that its texts get, if they need them, before one that `goes`."""
+    """For a column without a width: columns that may go are removed until its texts have this many cells."""
 
 
 class Table:

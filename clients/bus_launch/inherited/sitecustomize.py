@@ -1,4 +1,4 @@
-"""Imported by each Python that a launch starts, for a launch has this folder in PYTHONPATH.
+"""Prepares each Python that a launch starts: Python imports this, because PYTHONPATH has its folder.
 
 Fills in missing modules of ROS 2, and makes Python print each line at once. Then it imports the sitecustomize
 that Python would have imported without this one.

@@ -18,7 +18,7 @@ __all__ = ["DeclareLaunchArgument"]
 
 @expose_action("arg")
 class DeclareLaunchArgument(Action):
-    """Declares an argument; its value stands in the launch configuration of the same name."""
+    """Declares an argument; its value is the launch configuration of the same name."""
 
     def __init__(
         self,

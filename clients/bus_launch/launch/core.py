@@ -332,7 +332,7 @@ class LaunchContext:
         try:
             return sub.perform(self)
         except RecursionError:
-            pass  # its frames would stand in the traceback
+            pass  # its frames would be in the traceback
         raise SubstitutionFailure(f"substitutions go round in a circle, at a {type(sub).__name__}")
 
     def _enter(self) -> None:

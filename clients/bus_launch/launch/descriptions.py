@@ -98,7 +98,7 @@ class Executable:
 
     @property
     def has_own_env(self) -> bool:
-        """Whether its environment is not that of the launch."""
+        """Whether its environment is not the launch's own."""
         return self._env is not None or self._additional_env is not None
 
     def prepare(self, context: LaunchContext, action: Action) -> None:

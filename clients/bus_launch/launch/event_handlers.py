@@ -177,7 +177,7 @@ class OnShutdown(BaseEventHandler):
 
 
 class OnIncludeLaunchDescription(BaseEventHandler):
-    """Visits what an IncludeLaunchDescription event brings."""
+    """Visits the launch description of an IncludeLaunchDescription event."""
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(matcher=lambda event: isinstance(event, IncludeLaunchDescription), **kwargs)

@@ -1,4 +1,4 @@
-"""What a launch file makes; programs import it as `launch.LaunchDescription`."""
+"""The result of a launch file; programs import it as `launch.LaunchDescription`."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple

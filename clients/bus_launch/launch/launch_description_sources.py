@@ -1,4 +1,4 @@
-"""Where launch descriptions come from: files; programs import it as `launch.launch_description_sources`."""
+"""Reads launch files as launch descriptions; programs import it as `launch.launch_description_sources`."""
 
 import traceback
 from collections.abc import Callable
@@ -83,7 +83,7 @@ def get_launch_description_from_frontend_launch_file(
 
 
 def get_launch_description_from_any_launch_file(launch_file_path: str) -> LaunchDescription:
-    """Read a file as what its name says, or as what it can be read as.
+    """Read a file in the format of its suffix; if that is unknown, in the first one that can read it.
 
     Raises OSError, and InvalidLaunchFileError with what is wrong with it.
     """

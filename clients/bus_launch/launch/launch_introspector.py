@@ -18,7 +18,7 @@ _Tree = tuple[str, list["_Tree"]]
 
 
 class LaunchIntrospector:
-    """Writes what a launch description holds, as a tree."""
+    """Writes the contents of a launch description as a tree."""
 
     def format_launch_description(self, launch_description: LaunchDescription) -> str:
         # In ROS 2's words, by whichever name it was imported.

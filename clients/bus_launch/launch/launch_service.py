@@ -86,7 +86,7 @@ class LaunchService:
     def shutdown(self, force_sync: bool = False) -> Any:
         """From any thread: have all processes end, then `run`."""
         with self.__lock:
-            if self.__loop is not None:  # behind what this thread has emitted
+            if self.__loop is not None:  # after events that this thread has emitted
                 self.__loop.call_soon_threadsafe(self.__shut_down, "LaunchService.shutdown() called")
 
     def run(self, *, shutdown_when_idle: bool = True) -> int:
@@ -194,7 +194,7 @@ class LaunchService:
         context._set_is_shutdown(True)
 
     def __catch_signals(self, loop: asyncio.AbstractEventLoop) -> Callable[[], None]:
-        """Returns what makes signals as they were."""
+        """Returns a function that restores the signal handlers."""
         if threading.current_thread() is not threading.main_thread():
             return lambda: None
         calls = dict.fromkeys(_ENDING, self.__on_signal)

@@ -4,7 +4,7 @@ A fixture returns a launch description, and tests name it by a mark: they run wh
 it. `fixture.py` decorates the fixture, `plugin.py` has pytest's hooks, `run.py` runs the launch of a fixture,
 `tools/` waits for processes.
 
-Invariants: the launch has the main thread and a loop of its own. It only makes progress while a test or a
+Invariants: the launch has the main thread and a separate loop. It only makes progress while a test or a
 fixture waits for it. Names and texts are ROS 2's.
 
 The plugin is loaded by `-p launch_pytest.plugin`. It is not needed to import this package.

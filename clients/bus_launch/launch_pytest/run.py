@@ -27,8 +27,8 @@ class LaunchRun:
     def start(self, made: object) -> None:
         """Start the launch of the fixture's value `made`; returns when it is ready for tests.
 
-        Raises TypeError for another value, RuntimeError for a launch with several ReadyToTest or one that
-        ends before it is ready.
+        Raises TypeError for another value. Raises RuntimeError if the launch has several ReadyToTest, or ends
+        before it is ready.
         """
         description = made[0] if isinstance(made, Sequence) and made else made
         if not isinstance(description, LaunchDescription):

@@ -11,7 +11,7 @@ __path__: list[str] = []  # there may be modules in it: a file for each class, a
 
 
 class OnStateTransition(BaseEventHandler):
-    """A lifecycle node has made a transition: one that is given, or any."""
+    """A lifecycle node has made a transition: a given one, or any."""
 
     def __init__(
         self,

@@ -1,4 +1,4 @@
-"""Names put together."""
+"""Joins and checks namespaces."""
 
 __all__ = [
     "is_namespace_absolute",

@@ -42,7 +42,7 @@ class ParameterFile:
         return text.strip().lower() in ("true", "1")
 
     def evaluate(self, context: LaunchContext) -> Path:
-        """The path of the file as it lies there."""
+        """The path of the original file."""
         return Path(perform_substitutions(context, self.__file))
 
 

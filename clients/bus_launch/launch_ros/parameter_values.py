@@ -60,7 +60,7 @@ class ParameterValue:
 
 
 def normalized(parameters: Mapping[Any, Any]) -> Parameters:
-    """A dict with dicts in it as a list of dotted names; raises TypeError for what can't be a parameter."""
+    """A dict with dicts in it as a list of dotted names; raises TypeError if a value can't be a parameter."""
     if not isinstance(parameters, Mapping):
         raise TypeError("expected dict")
     return list(_flat(parameters, []))

@@ -48,7 +48,7 @@ def find(package: str, name: str) -> Program:
 
 
 def outside(name: str) -> Program:
-    """A program that is in no package: a path, or a name that stands in PATH.
+    """A program that is in no package: a path, or a name found in PATH.
 
     A file of Python that is given by its path need not be executable.
     """
@@ -112,7 +112,7 @@ def _libexec(package: str) -> str:
 
 
 def with_sourced_workspace() -> None:
-    """Do what sourcing the set-up of the workspace around the current folder would have done."""
+    """Set up the environment as if the workspace around the current folder were sourced."""
     new = [prefix for prefix in packages.prefixes() if not prefix.is_sourced]
     if not new:
         return

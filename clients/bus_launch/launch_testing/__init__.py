@@ -2,13 +2,13 @@
 
 A file with `generate_test_description()` and unittest's classes: `bus test FILE` runs it.
 
-`runner.py` runs the launch in its own thread and the tests in another; `processes.py` has what tests see of
-processes, `lookup.py` how tests name them, `text.py` how their output is searched. `asserts.py`, `tools/`,
+`runner.py` runs the launch in its own thread and the tests in another. `processes.py` has the tests' view of
+processes, `lookup.py` finds them by name, `text.py` searches their output. `asserts.py`, `tools/`,
 `actions.py`, `event_handlers.py`, `ready.py`, `markers.py` and `util.py` are for tests; `pytest/` is a plugin
 for pytest.
 
-Invariants: signals come to the launch's thread; data goes from the launch to the tests through `processes.py`
-only; names and texts are those of the package launch_testing in ROS 2's launch (Jazzy).
+Invariants: signals come to the launch's thread. Data goes from the launch to the tests through `processes.py`
+only. Names and texts are those of the package launch_testing in ROS 2's launch (Jazzy).
 
 Read first: `runner.py`. Tests: `tests/unit/bus_launch/launch_testing/`,
 `tests/system/test_launch_processes.py`.

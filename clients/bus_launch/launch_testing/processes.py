@@ -47,7 +47,7 @@ class _Handler:
         return [name for name, _ in self._commands.values()]
 
     def _action(self, process: Any) -> LaunchDescriptionEntity:
-        """An action that is known, or that of the first process with this name, or with this part of it."""
+        """A known action, or the action of the first process with this name, or with this part of it."""
         if not isinstance(process, str) and process in self._commands:
             known: LaunchDescriptionEntity = process
             return known

@@ -1,6 +1,6 @@
 """Finds expected texts and lines in output: a text, a pattern, or several of them in turn.
 
-Each matcher returns the place where the match begins and where it ends, or None. Pure.
+Each matcher returns the begin and the end of the match, or None. Pure.
 """
 
 import re
@@ -42,9 +42,9 @@ def build_text_match(expected_text: Any, *, strict: bool = False) -> Callable[..
 def build_line_match(expected_lines: Any, *, strict: bool = False) -> Callable[..., Span | None]:
     """A matcher of lists of lines: `match(lines, start=0)`.
 
-    A text stands in a line, a pattern matches at a line's begin. With `strict`, a single expectation is for
-    every line, and several are for lines without others between them. Raises ValueError for an expectation of
-    another kind.
+    A text may be anywhere in a line, a pattern matches at a line's begin. With `strict`, a single expectation
+    is for every line, and several are for lines without others between them. Raises ValueError for an
+    expectation of another kind.
     """
     return _build(expected_lines, strict, _in_lines)
 

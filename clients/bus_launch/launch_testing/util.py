@@ -13,7 +13,7 @@ __path__: list[str] = []  # in ROS 2, it has a module proc_lookup
 
 
 class KeepAliveProc(ExecuteProcess):
-    """A process that does nothing and ends with the launch, so that this goes on without others."""
+    """A process that does nothing and ends with the launch. It keeps a launch without others running."""
 
     def __init__(self, **kwargs: Any) -> None:
         script = "import signal; signal.signal(signal.SIGINT, lambda *_: None); signal.pause()"

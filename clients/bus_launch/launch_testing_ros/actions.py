@@ -7,7 +7,7 @@ __all__ = ["EnableRmwIsolation"]
 
 
 class EnableRmwIsolation(Action):
-    """Does nothing: a bus is of one machine and one user, and `bus test --domain N` has one of its own."""
+    """Does nothing: a bus belongs to one machine and user, and `bus test --domain N` uses a separate one."""
 
     def execute(self, context: LaunchContext) -> None:
         return None

@@ -1,4 +1,4 @@
-"""From a file in XML to its root entity."""
+"""Parses launch files in XML: from a file to its root entity."""
 
 from typing import Any, TextIO
 from xml.etree import ElementTree

@@ -1,4 +1,4 @@
-"""From a file in YAML to its root entity."""
+"""Parses launch files in YAML: from a file to its root entity."""
 
 from typing import Any, Final, TextIO
 
@@ -36,7 +36,7 @@ class Parser(BaseParser):
 
 
 def _count(value: object, known: dict[int, int]) -> int:
-    """The values in it, those of an alias each time; raises ValueError if they have no end."""
+    """The number of values in it; each use of an alias counts. Raises ValueError if there is no end."""
     if not isinstance(value, list | dict):
         return 1
     if id(value) not in known:

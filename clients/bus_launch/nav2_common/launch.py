@@ -1,6 +1,6 @@
 """Substitutions of Nav2's launch files: parameter files with other values, robots and their poses.
 
-A file that one of these writes is removed when the launch has ended.
+A substitution's file is removed when the launch has ended.
 """
 
 import os
@@ -66,10 +66,10 @@ class _OfFile(Substitution):
 class RewrittenYaml(_OfFile):
     """The path of a copy of a YAML file, with other values and keys.
 
-    A name in `param_rewrites` stands for each value of that key, a path with dots (`amcl.ros__parameters.x`)
-    for one value; if there is none, a path with `ros__parameters` in it adds it. `key_rewrites` are other
-    names of keys, `root_key` is a key above all. `convert_types`: texts of numbers become numbers; `true` and
-    `false` are truth values in any case.
+    `param_rewrites` has new values: of each key with a name, or of one key with a path (dots in it, such as
+    `amcl.ros__parameters.x`). A path with `ros__parameters` also adds a missing value. `key_rewrites` are
+    other names of keys, `root_key` is a key above all. `convert_types`: texts of numbers become numbers;
+    `true` and `false` are truth values in any case.
     """
 
     def __init__(

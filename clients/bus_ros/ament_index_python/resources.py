@@ -1,7 +1,7 @@
 """The ament index: resources of any type by name, from the first prefix that has them.
 
-Packages that are found without an index are resources, too: those with definitions have one of the type
-`rosidl_interfaces`, which lists them, and all have one of the type `packages`.
+Packages that are found without an index have resources, too: each has one of the type `packages`. A package
+with definitions also has one of the type `rosidl_interfaces`, which lists them.
 """
 
 from collections.abc import Iterator

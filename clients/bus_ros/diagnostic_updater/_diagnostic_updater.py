@@ -49,7 +49,7 @@ class FunctionDiagnosticTask(DiagnosticTask):
 
 
 class CompositeDiagnosticTask(DiagnosticTask):
-    """Several tasks with one status: the highest level, and the messages of all that are not OK."""
+    """Several tasks with one status: the highest level, and the messages of all tasks that are not OK."""
 
     def __init__(self, name: str) -> None:
         super().__init__(name)

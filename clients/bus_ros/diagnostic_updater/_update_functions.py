@@ -37,7 +37,7 @@ class FrequencyStatusParam:
 
 
 class FrequencyStatus(DiagnosticTask):
-    """Warns if an event happens too often or too seldom; an error if it never happens."""
+    """Warns if an event happens too often or too rarely; an error if it never happens."""
 
     def __init__(
         self, params: FrequencyStatusParam, name: str = "FrequencyStatus", clock: Any = None

@@ -347,8 +347,8 @@ class Executor:
     def _go_on_with_round(self) -> None:
         """In a round, each ready entity gets one call, in the order of rclpy's wait sets.
 
-        What becomes ready meanwhile comes in the next round, also a timer. So many messages do not delay
-        timers, and timers that are always due do not delay messages.
+        An entity or timer that becomes ready meanwhile waits for the next round. So many messages do not
+        delay timers, and timers that are always due do not delay messages.
         """
         if self._left > 0:
             self._left -= 1

@@ -46,7 +46,7 @@ class BasePublisher(Destroyable, Generic[M]):
         raise NotImplementedError
 
     def _is_matched(self) -> bool:
-        """Whether it has a subscription, perhaps one that can't be woken yet."""
+        """Whether it has a subscription, which perhaps can't be woken yet."""
         raise NotImplementedError
 
     def _encoded(self, msg: M | bytes) -> bytes:
@@ -116,8 +116,8 @@ class Publisher(BasePublisher[M]):
     def get_subscription_count(self) -> int:
         """The number of matched subscriptions that can be woken.
 
-        Waits for new ones for a bounded time, once: messages published before the event loop runs again would
-        not wake them.
+        Waits once, for a bounded time, for new subscriptions: messages published before the event loop runs
+        again would not wake them.
         """
         core, may_wait = self._core, not self._loop.is_mine()
         with self._loop:

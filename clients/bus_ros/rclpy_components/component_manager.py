@@ -16,9 +16,7 @@ _OF_CONTEXT: Final = "use_global_arguments"
 
 
 class ComponentManager(Node):
-    """Its services are those of ROS 2's container, in composition_interfaces. Components spin in
-    `executor`.
-    """
+    """Has the services of ROS 2's container, in composition_interfaces. Components spin in `executor`."""
 
     def __init__(self, executor: Executor, name: str = _NAME, **options: Any) -> None:
         super().__init__(name, **options)

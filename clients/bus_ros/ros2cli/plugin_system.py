@@ -64,7 +64,7 @@ def order_extensions_by_name(extensions: Mapping[str, Any]) -> dict[str, Any]:
 def satisfies_version(version: str, caret_range: str) -> None:
     """Raises PluginException if `version` does not fit a range such as `^0.1`.
 
-    The range includes later versions up to the next one of its first number that is not 0: `^0.1` up to 0.2,
+    The range includes later versions, as long as its first number other than 0 is the same: `^0.1` up to 0.2,
     `^1.4` up to 2.0.
     """
     if not caret_range.startswith("^"):

@@ -41,8 +41,8 @@ def call_get_states(*, node: Node, node_names: Iterable[str]) -> dict[str, Any]:
 def call_get_available_transitions(*, node: Node, states: Mapping[str, Any]) -> dict[str, Any]:
     """The transitions of each node, or the exception of its call.
 
-    They are lifecycle_msgs/msg/TransitionDescription, those that begin at the state of the node in `states`;
-    None there: all that are possible now.
+    They are lifecycle_msgs/msg/TransitionDescription. `states` chooses transitions by the state in which they
+    start; None: all transitions that are possible now.
     """
     return _transitions(node, "get_available_transitions", states)
 

@@ -135,8 +135,8 @@ def profile_configure_short_keys(
 ) -> None:
     """Change the given policies of `profile`, each by its name on a command line: `best_effort`.
 
-    Without a depth, one of 0 becomes 1 if the durability is transient_local. Raises KeyError for an unknown
-    name.
+    If no depth is given, a depth of 0 becomes 1 with the durability transient_local. Raises KeyError for an
+    unknown name.
     """
     if history:
         profile.history = HistoryPolicy(HistoryPolicy.get_from_short_key(history))

@@ -108,17 +108,17 @@ def get_action_namespaced_type(identifier: str) -> NamespacedType:
 
 
 def is_message(interface: object) -> bool:
-    """Whether a class is that of a message."""
+    """Whether it is the class of a message."""
     return hasattr(interface, "SLOT_TYPES")
 
 
 def is_service(interface: object) -> bool:
-    """Whether a class is that of a service."""
+    """Whether it is the class of a service."""
     return hasattr(interface, "Request") and hasattr(interface, "Response")
 
 
 def is_action(interface: object) -> bool:
-    """Whether a class is that of an action."""
+    """Whether it is the class of an action."""
     return all(hasattr(interface, part) for part in PARTS["action"])
 
 

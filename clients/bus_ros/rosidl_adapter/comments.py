@@ -1,4 +1,4 @@
-"""Comments in definitions: those at the beginning of a file, and those of a field or a constant."""
+"""Comments in definitions: at the beginning of a file, and of fields and constants."""
 
 import re
 import textwrap

@@ -38,7 +38,7 @@ class Channels:
         return known.format if known is not None and known.kind == kind else None
 
     def update(self, kinds: Mapping[str, TypeKind], *, keep: bool) -> list[str]:
-        """`kinds`: the types of the topics that are there. `keep`: only channels of another type go.
+        """`kinds`: the types of present topics. `keep`: only channels with another type are removed.
 
         Tells the client which channels have gone; returns their topics.
         """

@@ -1,6 +1,6 @@
 """Foxglove's WebSocket protocol: checked requests of clients, and the frames of the server. Pure.
 
-Of the parts used here, the older subprotocol lacks playback; else the two do not differ. Texts are JSON
+The older subprotocol lacks playback. The other parts used here are the same in both. Texts are JSON
 objects with `op`. In binary frames the first byte is the type of the frame; numbers are little-endian.
 """
 
@@ -51,7 +51,7 @@ __all__ = [
 
 SDK = "foxglove.sdk.v1"
 SUBPROTOCOLS = (SDK, "foxglove.websocket.v1")
-"""The one of today's SDK and app, and the one of @foxglove/ws-protocol and older clients."""
+"""The subprotocol of today's SDK and app, and that of @foxglove/ws-protocol and older clients."""
 
 Id = Annotated[int, msgspec.Meta(ge=0, le=2**32 - 1)]
 Word = Annotated[str, msgspec.Meta(max_length=1000)]

@@ -106,7 +106,7 @@ class Absence:
 class Session(Watcher):
     """Speaks with the client at `socket` until that ends (`run`).
 
-    `id` is the server's: a client that comes back to the same one goes on as it was. The client controls the
+    `id` identifies the server: a client that reconnects to the same server continues. The client controls the
     `playback`, if there is one.
     """
 

@@ -1,8 +1,8 @@
 """`bus doctor --conformance -- ./client`: whether a client in another language keeps to the protocol.
 
-Starts the client once for each story, with a broker of its own that plays the story and no other clients.
+Starts the client once for each story, with a separate broker that plays the story and no other clients.
 
-- `conversation.py`: the rules for one connection: what busd would answer, and what the client did wrong
+- `conversation.py`: the rules for one connection: the answers of busd, and the mistakes of the client
 - `payloads.py`: messages of any type
 - `client.py`: the client's process
 - `stage.py`: the socket and the connections of a busd that only tests
@@ -15,7 +15,7 @@ Starts the client once for each story, with a broker of its own that plays the s
 Invariants:
 
 - `conversation.py` and `payloads.py` have no I/O and no clock.
-- A text about a mistake names the thing, its value and what it should be.
+- A text about a mistake names the thing, its value and the right value.
 - Nothing waits longer than the limit, and no client survives its story.
 
 Read first: `conversation.py`, docs/conformance.md. Tests: `tests/unit/bus_cli/doctor/conformance/`,

@@ -23,7 +23,7 @@ class Client:
         self._path = path
         self._command = [word.replace(PLACE, str(path)) for word in command]
         self.output = ""
-        """What it has printed, on stdout and stderr: the end of it."""
+        """The end of its output on stdout and stderr."""
 
     async def start(self) -> None:
         """Start it. Raises OSError if that is impossible."""

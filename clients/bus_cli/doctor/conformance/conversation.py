@@ -59,7 +59,7 @@ class Endpoint(msgspec.Struct, eq=False):
     stamp_ns: int = 0
     acknowledged: int = 0
     payloads: deque[bytes] = msgspec.field(default_factory=lambda: deque(maxlen=_MOST_PAYLOADS))
-    """The last ones that it published."""
+    """The last payloads that it published."""
 
     def __str__(self) -> str:
         return f"{'publisher' if self.is_publisher else 'subscription'} {self.id} on {self.topic}"
@@ -71,7 +71,7 @@ class Endpoint(msgspec.Struct, eq=False):
 
 
 class Conversation:
-    """What one connection has declared and published; raises Wrong at the first broken rule.
+    """The declarations and samples of one connection; raises Wrong at the first broken rule.
 
     Its ids begin at `first_id`. `started_ns`: no sample is older. `refuses`: the text with which it refuses
     the first endpoint on a plain topic.

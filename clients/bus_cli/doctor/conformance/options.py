@@ -14,7 +14,7 @@ PLACE = "{socket}"
 """In the client's arguments, stands for the path of the socket."""
 
 RELAY = "/conformance/in", "/conformance/out"
-"""A client that publishes on the second topic what comes on the first shows that it understood it."""
+"""A client that publishes the messages of the first topic on the second shows that it understood them."""
 
 _WAIT_S = 10.0
 

@@ -1,4 +1,4 @@
-"""Messages of any type, encoded: to send to a client, and to check what it sends.
+"""Messages of any type, encoded: to send to a client, and to check its messages.
 
 Uses the declared schema, or the library's own definition if the client declared none.
 """
@@ -20,7 +20,7 @@ NOTHING = b"\xc0"
 _INTEGERS = ("uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64", "int")
 _HEAD = bytes.fromhex("c70d540000000000")
 _HEAD_BYTES = 16
-"""Of a source time (docs/protocol.md)."""
+"""The mark and the size of a source time (docs/protocol.md)."""
 
 
 @lru_cache

@@ -25,7 +25,7 @@ def main(args: Namespace) -> int:
         raise CommandError("which client? bus doctor --conformance -- ./client ARGS")
     if not args.wait > 0:
         raise CommandError(f"--wait is above 0, not {args.wait:g}")
-    os.environ["BUSD_AUTOSTART"] = "0"  # while the busd of a story is away, nobody starts another
+    os.environ["BUSD_AUTOSTART"] = "0"  # while the busd of a story is away, no program starts one
     get_logger("bus").set_level(Severity.ERROR)  # its loss is a part of the story
     wrong, count = run_stream(_play(args, command))
     if not args.json:
@@ -35,7 +35,7 @@ def main(args: Namespace) -> int:
 
 
 async def _play(args: Namespace, command: Sequence[str]) -> tuple[list[str], int]:
-    """Play the chosen stories; returns those that failed, and the number of those played."""
+    """Play the chosen stories; returns the failed ones, and the number of played ones."""
     chosen = [name for name in STORIES if not args.story or name in args.story]
     wrong, left_out = [], 0
     for name in chosen:
@@ -48,7 +48,7 @@ async def _play(args: Namespace, command: Sequence[str]) -> tuple[list[str], int
 
 
 async def outcome(name: str, command: Sequence[str], wait_s: float) -> tuple[str, str, str]:
-    """Play one story: mark, text, and what a wrong client printed."""
+    """Play one story: mark, text, and the output of a wrong client."""
     with tempfile.TemporaryDirectory(prefix="busd-") as folder:
         stage = STORIES[name].stage(command, Path(folder), wait_s)
         try:

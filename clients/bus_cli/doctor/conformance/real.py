@@ -35,7 +35,7 @@ _TICK_S = 0.05
 
 
 class RealStage:
-    """A busd of its own, the client and a node, while it is entered. Needs BUSD_AUTOSTART=0."""
+    """A separate busd, the client and a node, while it is entered. Needs BUSD_AUTOSTART=0."""
 
     node: Node
 
@@ -147,7 +147,7 @@ async def play(stage: RealStage) -> str:
 
 
 async def _exchange(stage: RealStage, endpoints: list[GraphEndpoint]) -> list[str]:
-    """Take samples from its publishers and publish to its subscriptions; returns what went which way."""
+    """Take samples from its publishers and publish to its subscriptions; returns a text about each."""
     by_topic = {(one.topic, one.kind): one for one in endpoints}
     source = by_topic.get((RELAY[0], "subscription"))
     target = by_topic.get((RELAY[1], "publisher"))

@@ -37,7 +37,7 @@ class _Envelope(NamedTuple):
 
 
 async def play_serve(stage: Stage) -> str:
-    """Two clients call each service; then they ask about a call that is answered, and one that never was."""
+    """Two clients call each service. Then they ask about an answered call, and about a call never made."""
     peer = await stage.declared()
     services = _services(peer, is_server=True)
     if not services:
@@ -110,7 +110,7 @@ _NIL = b"\xc0"
 
 
 def _services(peer: Peer, *, is_server: bool) -> list[_Service]:
-    """The client's servers or clients, without those of parameters."""
+    """The client's servers or clients, except for parameters."""
     found: dict[tuple[int, str], dict[bool, Endpoint]] = {}
     for one in peer.talk.endpoints.values():
         name = names.service_of_topic(one.topic)

@@ -1,4 +1,4 @@
-"""Where a story is played: a socket, the client's process, and its connections one after the other.
+"""The stage of a story: a socket, the client's process, and its connections one after the other.
 
     async with Stage(["./client"], Path("/tmp/x"), wait_s=10) as stage:
         peer = await stage.meet()
@@ -36,7 +36,7 @@ _TICK_S = 0.05
 _ON_THE_WAY_S = 0.1
 _FIRST_ID, _IDS_APART = 41, 1000
 _BYTE_S = 0.001
-"""Pause between the bytes of a cut frame, so that the client reads each alone."""
+"""Pause between the bytes of a cut frame: the client reads each alone."""
 
 
 class Ended(Wrong):
@@ -181,7 +181,7 @@ class Peer:
             await self._turn()
 
     async def sign(self, after: str) -> None:
-        """Wait for anything that the client sends now. What comes at once was sent before."""
+        """Wait for anything that the client sends now. Data that comes at once was sent before."""
         await self.listen(_ON_THE_WAY_S)
         heard = self.talk.heard
         what = f"nothing came from it {after}, not even a Ping,"
@@ -192,7 +192,7 @@ class Peer:
         self._writer.close()
 
     async def _turn(self) -> bool:
-        """Take what comes next; returns whether anything came."""
+        """Take the next data; returns whether any came."""
         buffer = self._session.reader.get_buffer()
         try:
             raw = await asyncio.wait_for(self._reader.read(len(buffer)), _TICK_S)

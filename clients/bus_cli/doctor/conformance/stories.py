@@ -29,7 +29,7 @@ class Story(NamedTuple):
     section: str
     """The section to read if the client is wrong."""
     stage: type[Stage | RealStage] = Stage
-    """Where it is played, and what `play` gets."""
+    """The stage, which `play` gets."""
     page: str = "docs/protocol.md"
 
 

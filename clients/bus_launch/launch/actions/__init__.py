@@ -1,4 +1,4 @@
-"""What a launch does; programs import it as `launch.actions`.
+"""Actions of a launch; programs import them as `launch.actions`.
 
     `execute_process.py` -> `process.py` (as configured) -> `process_run.py` (its run) -> `process_lines.py`
                                                             `process_state.py` (its states, a table)

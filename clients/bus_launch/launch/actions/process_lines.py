@@ -12,7 +12,7 @@ _LONGEST: Final = 1 << 20
 
 
 class ProcessLines:
-    """Cuts what comes into lines. A line without an end waits for it, or for `flush`."""
+    """Cuts output into lines. A line without an end waits for it, or for `flush`."""
 
     def __init__(self, loggers: tuple[Logger, Logger], form: Callable[[str], str], *, keep: bool) -> None:
         """`loggers`: for stdout and stderr. `keep`: `text` returns the whole output."""

@@ -70,7 +70,7 @@ class _Setting(_Named):
 
 @expose_action("let")
 class SetLaunchConfiguration(_Setting):
-    """Sets a launch configuration, until the end of the group that it stands in."""
+    """Sets a launch configuration, until the end of its group."""
 
     def execute(self, context: LaunchContext) -> None:
         name, value = self._pair(context)
@@ -147,7 +147,7 @@ class AppendEnvironmentVariable(_Setting):
 
 
 class PrependEnvironmentVariable(AppendEnvironmentVariable):
-    """Puts a value in front of what an environment variable has."""
+    """Puts a text in front of an environment variable's value."""
 
     def __init__(
         self,
@@ -177,7 +177,7 @@ class PushLaunchConfigurations(_Simple):
 
 
 class PopLaunchConfigurations(_Simple):
-    """Makes the launch configurations what they were at PushLaunchConfigurations."""
+    """Restores the launch configurations as they were at PushLaunchConfigurations."""
 
     _do = LaunchContext._pop_launch_configurations
 
@@ -189,14 +189,14 @@ class PushEnvironment(_Simple):
 
 
 class PopEnvironment(_Simple):
-    """Makes the environment what it was at PushEnvironment."""
+    """Restores the environment as it was at PushEnvironment."""
 
     _do = LaunchContext._pop_environment
 
 
 @expose_action("reset_env")
 class ResetEnvironment(_Simple):
-    """Makes the environment what it was when the launch began."""
+    """Restores the environment as it was when the launch began."""
 
     _do = LaunchContext._reset_environment
 

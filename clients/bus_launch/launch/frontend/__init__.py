@@ -5,8 +5,8 @@
 - `expose.py`: which class makes an action of a tag, or a substitution of `$(name ...)`.
 - `grammar.py`: texts with `$(...)` in them.
 
-Invariants: this package knows no language; a language is a subclass of `Parser` and of `Entity`; a tag or
-substitution of users is registered by the decorators of `expose.py`; `grammar.py` is pure.
+Invariants: this package knows no language. A language is a subclass of `Parser` and of `Entity`. The
+decorators of `expose.py` register users' tags and substitutions. `grammar.py` is pure.
 
 Read first: `expose.py`, then `grammar.py`. Tests: `tests/unit/bus_launch/launch/frontend/`,
 `tests/unit/bus_launch/launch_xml/`.

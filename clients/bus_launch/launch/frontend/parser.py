@@ -1,4 +1,4 @@
-"""From a file in a markup language to a launch description. Knows no language: those have subclasses."""
+"""Reads files in markup languages as launch descriptions. Knows no language: each has a subclass."""
 
 import io
 from collections.abc import Iterable
@@ -16,7 +16,7 @@ __all__ = ["InvalidFrontendLaunchFileError", "Parser"]
 _LANGUAGES: Final = {"xml": "bus_launch.launch_xml", "yaml": "bus_launch.launch_yaml"}
 _OTHER_ENDS: Final = {"yml": "yaml"}
 _TAGS: Final = ("bus_launch.launch.actions", "bus_launch.launch.substitutions", "bus_launch.launch_ros")
-"""Modules that expose tags and substitutions when they are imported; those of users have entry points."""
+"""Modules that expose tags and substitutions when they are imported; users' modules have entry points."""
 
 
 class InvalidFrontendLaunchFileError(InvalidLaunchFileError):
@@ -88,7 +88,7 @@ class Parser:
 
     @classmethod
     def load(cls, file: str | TextIO) -> tuple[Entity, "Parser"]:
-        """Read a file, in the language of its name's end, or in the one that can read it.
+        """Read a file in the language of its suffix; if that is unknown, in the first one that can read it.
 
         Raises OSError, UnicodeDecodeError, and InvalidFrontendLaunchFileError, which names the fault.
         """

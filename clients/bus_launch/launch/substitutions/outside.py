@@ -93,7 +93,7 @@ class FileContent(Substitution):
 
 @expose_substitution("find-exec")
 class FindExecutable(Substitution):
-    """The path of a program that stands in PATH."""
+    """The path of a program found in PATH."""
 
     def __init__(self, name: SomeSubstitutionsType) -> None:
         super().__init__()

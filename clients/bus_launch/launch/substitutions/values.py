@@ -114,7 +114,7 @@ class LocalSubstitution(Substitution):
 
 @expose_substitution("dirname")
 class ThisLaunchFileDir(Substitution):
-    """The folder of the launch file that it stands in."""
+    """The folder of the launch file that contains it."""
 
     @classmethod
     def parse(cls, data: Sequence[Any]) -> _Parsed:
@@ -130,7 +130,7 @@ class ThisLaunchFileDir(Substitution):
 
 @expose_substitution("filename")
 class ThisLaunchFile(Substitution):
-    """The path of the launch file that it stands in."""
+    """The path of the launch file that contains it."""
 
     @classmethod
     def parse(cls, data: Sequence[Any]) -> _Parsed:
@@ -233,7 +233,7 @@ class PathJoinSubstitution(StringJoinSubstitution):
         super().__init__(substitutions, delimiter=os.sep)
 
     def perform(self, context: LaunchContext) -> str:
-        # As os.path.join does: an absolute part begins anew.
+        # As in os.path.join, an absolute part drops the parts before it.
         parts = ["".join(one.perform(context) for one in part) for part in self.substitutions]
         return os.path.join(*parts)  # noqa: PTH118
 

@@ -27,7 +27,7 @@ def get_default_filtered_patterns() -> list[str]:
 def basic_output_filter(
     filtered_prefixes: Iterable[str] | None = None, filtered_patterns: Iterable[str] | None = None
 ) -> Callable[[str], str]:
-    """A function that leaves out the lines with one of these prefixes, and those that a pattern matches."""
+    """A function that leaves out lines that have one of these prefixes, or match one of these patterns."""
     prefixes = tuple(get_default_filtered_prefixes() if filtered_prefixes is None else filtered_prefixes)
     given = get_default_filtered_patterns() if filtered_patterns is None else filtered_patterns
     patterns = [re.compile(one) for one in given]

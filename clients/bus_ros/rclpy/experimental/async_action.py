@@ -149,7 +149,7 @@ def _goals_topic(action: str) -> str:
 
 
 def _as_bool(callback: Callable[[Any], Any] | None) -> Callable[[Any], Any] | None:
-    """A callback of rclpy, whose result is a GoalResponse, a CancelResponse or a bool, as one of the bus."""
+    """Make a callback of the bus from one of rclpy, which returns GoalResponse, CancelResponse or bool."""
     if callback is None:
         return None
     if is_async(callback):

@@ -41,7 +41,7 @@ class AsyncClient(AsyncEntity, BaseClient):
         self._native: ServiceClient | None = None
         self._is_open = asyncio.Event()  # or destroyed
         self._pending_requests: dict[int, asyncio.Future[Any]] = {}
-        """By the number of the request, as in rclpy: programs read it."""
+        """The key is the number of the request, as in rclpy: programs read it."""
         self._numbers: dict[int, int] = {}
         """The number of a request, by the native client's number."""
         self._native_numbers: dict[int, int] = {}
@@ -86,8 +86,8 @@ class AsyncClient(AsyncEntity, BaseClient):
     async def wait_for_service(self, *, check_interval: float = 0.1) -> None:
         """Wait for a server. Has no time limit: use `asyncio.timeout`.
 
-        `check_interval` is that of ROS 2; here a change of the graph wakes it at once. Raises CancelledError
-        if the client is destroyed meanwhile.
+        `check_interval` is ROS 2's, without effect: a change of the graph wakes it at once. Raises
+        CancelledError if the client is destroyed meanwhile.
         """
         await self._is_open.wait()
         if self._native is None or self.is_destroyed:

@@ -1,7 +1,7 @@
 """Nodes on asyncio's event loop: a native node, and the task group of its callbacks.
 
-Owns the node's entities, its life, and the end of its `async with` block. The life is the same as that of an
-endpoint: `impl.async_entity` has the table. Private names are mangled, as in `rclpy.node`.
+Owns the node's entities, its life, and the end of its `async with` block. The life has the states of an
+endpoint's life: `impl.async_entity` has the table. Private names are mangled, as in `rclpy.node`.
 """
 
 import asyncio
@@ -215,7 +215,7 @@ class AsyncNode(BaseNode):
     async def wait_for_node(self, fully_qualified_node_name: str, *, check_interval: float = 0.1) -> None:
         """Wait until such a node is in the graph. Has no time limit: use `asyncio.timeout`.
 
-        `check_interval` is that of ROS 2; here a change of the graph wakes it at once.
+        `check_interval` is ROS 2's, without effect: a change of the graph wakes it at once.
         """
         name = f"/{fully_qualified_node_name.lstrip('/')}"
         await self.__native.wait_for_graph(lambda graph: any(node.full_name == name for node in graph.nodes))
@@ -255,7 +255,7 @@ class AsyncNode(BaseNode):
     ) -> AsyncSubscription[M]:
         """Make a subscription; `callback` is `def` or `async def`, with (message) or (message, info).
 
-        Calls of an `async def` come one after the other, or with `concurrent` each in a task of its own.
+        Calls of an `async def` come one after the other, or with `concurrent` each in its own task.
         Without a callback (not in ROS 2), iterate: `async for message in subscription`.
         `content_filter_options` selects messages. `callback_group` has no effect. Raises as
         `create_publisher`, and RCLError for an invalid expression.
@@ -284,7 +284,7 @@ class AsyncNode(BaseNode):
     ) -> AsyncService:
         """Serve a service; `callback(request, response)`, `def` or `async def`, returns the response.
 
-        An `async def` answers one request after the other, or with `concurrent` each in a task of its own.
+        An `async def` answers one request after the other, or with `concurrent` each in its own task.
         `callback_group` has no effect. Raises as `create_publisher`.
         """
         check_is_valid_srv_type(srv_type)
@@ -344,7 +344,7 @@ class AsyncNode(BaseNode):
         `execute_callback(goal_handle)` is an `async def` that returns the Result, or an async generator that
         yields Feedback and at its end the Result. A goal that ends so has succeeded, unless the callback has
         called `goal_handle.abort()` or `canceled()`. A cancellation raises CancelledError in it, at an
-        `await`. Each goal runs in a task of its own. `goal_callback(goal)` and `cancel_callback(goal_handle)`
+        `await`. Each goal runs in its own task. `goal_callback(goal)` and `cancel_callback(goal_handle)`
         return a GoalResponse, a CancelResponse or a bool; by default all is accepted. Raises as
         `create_publisher`. See `bus_actions.ActionServer`.
         """

@@ -25,8 +25,8 @@ MOST_AT_ONCE: Final = 1000
 class AsyncService(AsyncEntity, BaseService):
     """Made by `AsyncNode.create_service`.
 
-    An `async def` callback answers one request after the other, or with `concurrent` each in a task of its
-    own. At most 1000 requests wait; above this limit, the oldest are refused.
+    An `async def` callback answers one request after the other, or with `concurrent` each in its own
+    task. At most 1000 requests wait; above this limit, the oldest are refused.
     """
 
     def __init__(

@@ -1,7 +1,7 @@
 """The endpoints and the tasks of an AsyncNode, while it runs and while it ends.
 
-Owns the task group of the callbacks, and the tasks that the end of the node waits for. A class of its own: a
-program's nodes may use any name that rclpy does not have. Must not know the life of the node.
+Owns the task group of the callbacks, and the tasks that the end of the node waits for. This is a separate
+class: a program's nodes may use any name that rclpy does not have. Must not know the life of the node.
 """
 
 import asyncio

@@ -187,7 +187,7 @@ def _of_node(
 def _service_infos(
     kind: EndpointTypeEnum, requests: Iterable[GraphEndpoint], replies: Iterable[GraphEndpoint]
 ) -> list[ServiceEndpointInfo]:
-    """For each endpoint of requests, that endpoint and its node's next one for answers."""
+    """Pair each endpoint of requests with the next endpoint of answers of its node."""
     left = list(replies)
     found = []
     for request in requests:

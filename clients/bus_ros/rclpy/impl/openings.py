@@ -2,8 +2,7 @@
 
 A program makes a subscription without waiting for busd, and publishes. The message must reach it, also from
 an older publisher of the same loop. So publishers on its topic hold their messages meanwhile. Clients of
-services and actions hold their requests; their topic is that of the requests. Must not know nodes and the
-bus.
+services and actions hold their requests in the same way. Must not know nodes and the bus.
 """
 
 from asyncio import AbstractEventLoop
@@ -25,7 +24,7 @@ class Openings:
     """The openings of one event loop; `of` returns them."""
 
     _all: ClassVar["WeakValueDictionary[int, Openings]"] = WeakValueDictionary()
-    """By the id of the loop, to which each refers."""
+    """The key is the id of the loop, to which each refers."""
 
     def __init__(self, loop: AbstractEventLoop) -> None:
         self._loop = loop

@@ -35,7 +35,7 @@ class OwnServices:
     def publish_change(self, change: Change[Parameter]) -> None:
         """Publish a change of parameters on /parameter_events, if the topic has a subscription.
 
-        It may be one that can't be woken yet: it finds the change when it reads the ring.
+        A subscription that can't be woken yet finds the change when it reads the ring.
         """
         publisher = self._parameter_events
         if publisher is not None and not publisher.is_destroyed and publisher._is_matched():

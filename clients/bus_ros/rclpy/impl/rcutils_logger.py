@@ -150,7 +150,7 @@ class RcutilsLogger(Logger):
             self._logger.setLevel(_EVERYTHING)
 
     def get_effective_level(self) -> LoggingSeverity:  # type: ignore[override]  # another enum, same numbers
-        """The lowest severity that is logged; UNSET if the root logger has it, and no other a level."""
+        """The lowest severity that is logged; UNSET if the root logger is UNSET and no other has a level."""
         if self._logger.getEffectiveLevel() == _EVERYTHING:
             return LoggingSeverity.UNSET
         return LoggingSeverity(super().get_effective_level())
