@@ -36,6 +36,15 @@ async def until(condition: Callable[[], Any]) -> None:
             await asyncio.sleep(0.002)
 
 
+async def until_busd_has_all(publisher: bus.Publisher[Any], node: bus.Node) -> None:
+    """Wait until busd has read everything published by a publisher of that node.
+
+    Else a late joiner may get history from the middle, and the rest as it comes.
+    """
+    await publisher.flush()
+    await node.graph()
+
+
 def accounted(subscription: bus.Subscription[Any]) -> int:
     statistics = subscription.statistics()
     return statistics.delivered + statistics.queued + sum(statistics.dropped.values())

@@ -16,7 +16,7 @@ from c_programs import peer
 from conftest import Daemon
 from neighbours import with_limits
 from programs import running_command
-from semantics import KEEP_ALL, LATCHED, node, until
+from semantics import KEEP_ALL, LATCHED, node, until, until_busd_has_all
 
 __all__ = ["node"]
 
@@ -82,10 +82,12 @@ async def test_all_arrives_in_order_from_python(
             await publisher.send(text(number))
         await listener.line(f"^{MANY - 1} ")
         await until_account(node, "/t", MANY)
+        await publisher.send(text(MANY))
+        await until_account(node, "/t", MANY + 1)
         statistics = await listener.finish()
-    assert listener.numbers == [*range(MANY)]
+    assert listener.numbers == [*range(MANY + 1)]
     assert {line.split()[2] for line in listener.program.lines if line[:1].isdigit()} == {route}
-    assert statistics["samples"] == statistics["expected"] == MANY
+    assert statistics["samples"] == statistics["expected"] == MANY + 1
 
 
 async def test_all_arrives_in_order_from_c(
@@ -143,6 +145,7 @@ async def test_late_joiners_get_the_history(
     publisher = await node.create_publisher(String, "/to_c", LATCHED)
     for number in range(9):
         publisher.publish(text(number))
+    await until_busd_has_all(publisher, node)
     async with peer(programs, tmp_path, "listen", "/to_c", "latched", "depth=4") as listener:
         await listener.line("^8 ")
         publisher.publish(text(9))
@@ -160,6 +163,7 @@ async def test_the_best_available_durability(
     for number in range(9):
         latched.publish(text(number))
         volatile.publish(text(100 + number))
+    await until_busd_has_all(latched, node)
     async with peer(programs, tmp_path, "listen", "/t", "best_available", "depth=4") as listener:
         await listener.line("^8 ")
         await volatile.wait_for_subscriptions()
@@ -340,7 +344,7 @@ async def test_a_publisher_that_refuses_a_subscription_in_c(
     """The subscription takes what is in the ring, leaves it, and continues by socket."""
     monkeypatch.setattr(segments, "map_readers", refuse)
     publisher = await node.create_publisher(String, "/t", KEEP_ALL)
-    async with peer(programs, tmp_path, "listen", "/t", "keep_all") as listener:
+    async with peer(programs, tmp_path, "listen", "/t", "keep_all", "pause_ms=1") as listener:
         for number in range(300):
             await publisher.send(text(number))
             await asyncio.sleep(0)

@@ -201,6 +201,34 @@ async def test_calls_survive_a_kill_of_busd(
             assert (await first).sum == 1002
 
 
+async def test_a_newer_server_can_not_end_a_call_that_another_one_works_on(
+    daemon: Daemon,
+    node: bus.Node,
+    programs: Path,
+    tmp_path: Path,
+    route: str,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """After a restart of busd the client asks both servers."""
+    held: asyncio.Queue[bus.RequestId] = asyncio.Queue()
+    one = await node.create_service(AddTwoInts, "/add", on_request=lambda _, call: held.put_nowait(call))
+    async with (
+        running_command(tmp_path, programs / "service", "call", "/add", "1") as client,
+        bus.Node("two", arguments=[]) as other,
+    ):
+        call = await held.get()
+        two = await other.create_service(AddTwoInts, "/add", on_request=lambda *_: None)
+        await until(lambda: two.statistics().clients)
+        denials = forget_calls(two, monkeypatch, lost=0)
+        daemon.kill()
+        daemon.restart()
+        await until(lambda: len(denials) == 2)
+        assert not [line for line in client.lines if line.startswith("answer")]
+        one.respond(call, AddTwoInts.Response(sum=7))
+        await client.line("^answer 7")
+        assert await client.end() == 0
+
+
 @pytest.mark.parametrize("is_served", [True, pytest.param(False, marks=pytest.mark.nightly)])
 async def test_a_call_of_a_client_in_c_while_busd_is_away(
     daemon: Daemon, node: bus.Node, programs: Path, tmp_path: Path, route: str, is_served: bool

@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 
 from browser import Page, chromium, need_chromium
+from conftest import WAIT_S
 from docsite import build
 from vendoring import AXE
 
@@ -34,6 +35,7 @@ def resize(page: Page, width: int) -> None:
 
 def find_faults(page: Page) -> list[Any]:
     page.run(AXE.read_text())
+    page.driver.set_script_timeout(6 * WAIT_S)  # a long page takes seconds, on a busy machine many
     found: list[Any] = page.driver.execute_async_script(
         "const done = arguments[arguments.length - 1];"
         "const runOnly = ['wcag2a', 'wcag2aa', 'wcag21a', 'wcag21aa', 'best-practice'];"

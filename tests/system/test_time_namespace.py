@@ -15,7 +15,7 @@ import c_programs
 from bus.msg.std_msgs import String
 from conftest import WAIT_S
 from programs import on_one_loop, running_command
-from semantics import LATCHED, until
+from semantics import LATCHED, until, until_busd_has_all
 
 TALKER = """
 import sys
@@ -126,6 +126,7 @@ async def test_a_subscription_in_c(
         publisher = await node.create_publisher(String, "/topic", qos)
         for number in range(9):
             publisher.publish(String(data=f"{number} "))
+        await until_busd_has_all(publisher, node)
         async with running_command(tmp_path, *command) as program:
             await program.line("^8 ")
             assert [line[:2] for line in program.lines if line[0].isdigit()] == ["6 ", "7 ", "8 "]
