@@ -191,6 +191,7 @@ async def test_calls_survive_a_kill_of_busd(
         await server.line("request 1000")
         daemon.kill()
         daemon.restart()
+        await until(lambda: [call.looks for call in client._calls.values()] == [2])  # asked twice
         async with asyncio.timeout(20):
             while True:
                 try:
