@@ -30,6 +30,7 @@ from cyclonedds.core import (
 )
 from cyclonedds.domain import Domain, DomainParticipant
 from cyclonedds.idl import IdlStruct
+from cyclonedds.internal import InvalidSample
 from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
@@ -113,12 +114,14 @@ async def subscriber(parent: Parent) -> None:
 
 
 def _texts(participant: DomainParticipant, reader: DataReader[Any]) -> Iterator[str]:
-    condition = ReadCondition(reader, ViewState.Any | SampleState.NotRead | InstanceState.Alive)
+    # Also of a publisher that has ended before its message was taken. Then the end is a sample, too.
+    condition = ReadCondition(reader, ViewState.Any | SampleState.NotRead | InstanceState.Any)
     waitset = WaitSet(participant)
     waitset.attach(condition)
     while True:
         for sample in reader.take(_BATCH, condition=condition):
-            yield sample.data
+            if sample.__class__ is not InvalidSample:
+                yield sample.data
         waitset.wait(_FOREVER)
 
 

@@ -20,6 +20,7 @@ from cyclonedds.core import (
 )
 from cyclonedds.domain import DomainParticipant
 from cyclonedds.idl import IdlStruct
+from cyclonedds.internal import InvalidSample
 from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
@@ -77,11 +78,14 @@ class Peer:
         threading.Thread(target=self._take, args=(topic, reader), daemon=True).start()
 
     def _take(self, topic: str, reader: Any) -> None:
-        condition = ReadCondition(reader, ViewState.Any | SampleState.NotRead | InstanceState.Alive)
+        # Also of a publisher that has ended before its message was taken. Then the end is a sample, too.
+        condition = ReadCondition(reader, ViewState.Any | SampleState.NotRead | InstanceState.Any)
         waitset = WaitSet(self._participant)
         waitset.attach(condition)
         while True:
             for sample in reader.take(100, condition=condition):
+                if isinstance(sample, InvalidSample):
+                    continue
                 time_ns = sample.sample_info.source_timestamp
                 tell(heard=topic, message={"data": sample.data}, source_time_ns=time_ns)
             waitset.wait(duration(seconds=1))
