@@ -14,7 +14,7 @@ from bus_bridge.dds.options import DdsOptions
 from bus_bridge.errors import BridgeError
 from bus_bridge.extras import why_missing
 from bus_bridge.rtps.parameters import FOREVER_NS
-from bus_bridge.rtps.policies import MANUAL_BY_TOPIC, TRANSIENT_LOCAL, Policies
+from bus_bridge.rtps.policies import AUTOMATIC, MANUAL_BY_TOPIC, TRANSIENT_LOCAL, VOLATILE, Policies
 
 __all__ = ["Participant", "configuration", "policies_of", "user_data_in"]
 
@@ -277,12 +277,12 @@ def policies_of(qos: Any) -> Policies:
         depth = max(depth, getattr(service.history, "depth", 1))
     return Policies(
         reliable=said.get("Reliability") != Policy.Reliability.BestEffort,
-        durability=TRANSIENT_LOCAL * (durability not in (None, Policy.Durability.Volatile)),
+        durability=VOLATILE if durability in (None, Policy.Durability.Volatile) else TRANSIENT_LOCAL,
         keep_all=history == Policy.History.KeepAll,
         depth=depth,
         deadline_ns=getattr(deadline, "deadline", FOREVER_NS),
         lifespan_ns=getattr(lifespan, "lifespan", FOREVER_NS),
-        liveliness=MANUAL_BY_TOPIC * isinstance(liveliness, Policy.Liveliness.ManualByTopic),
+        liveliness=MANUAL_BY_TOPIC if isinstance(liveliness, Policy.Liveliness.ManualByTopic) else AUTOMATIC,
         lease_ns=getattr(liveliness, "lease_duration", FOREVER_NS),
     )
 

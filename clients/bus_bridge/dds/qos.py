@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 from bus.errors import ConfigurationError
 from bus.qos import Durability, History, Liveliness, QoSProfile, Reliability
 from bus_bridge.rtps.parameters import FOREVER_NS
-from bus_bridge.rtps.policies import MANUAL_BY_TOPIC, TRANSIENT_LOCAL, Policies
+from bus_bridge.rtps.policies import AUTOMATIC, MANUAL_BY_TOPIC, TRANSIENT_LOCAL, VOLATILE, Policies
 
 __all__ = [
     "DEPTH",
@@ -37,7 +37,7 @@ def of_publisher(profile: QoSProfile, depth: int) -> Policies:
     transient_local = profile.durability is Durability.TRANSIENT_LOCAL
     return Policies(
         reliable=profile.reliability is Reliability.RELIABLE,
-        durability=TRANSIENT_LOCAL * transient_local,
+        durability=TRANSIENT_LOCAL if transient_local else VOLATILE,
         keep_all=profile.history is History.KEEP_ALL,
         depth=profile.depth if transient_local else max(profile.depth, depth),
         deadline_ns=profile.deadline_ns or FOREVER_NS,
@@ -74,11 +74,11 @@ def of_subscription(profile: QoSProfile, depth: int, kind: ReaderKind) -> Polici
     """The policies that a reader of that kind requests for a subscription of this bus."""
     return Policies(
         reliable=kind.reliable,
-        durability=TRANSIENT_LOCAL * kind.transient_local,
+        durability=TRANSIENT_LOCAL if kind.transient_local else VOLATILE,
         keep_all=profile.is_lossless,
         depth=max(profile.depth, depth),
         deadline_ns=profile.deadline_ns or FOREVER_NS,
-        liveliness=MANUAL_BY_TOPIC * (profile.liveliness is Liveliness.MANUAL_BY_TOPIC),
+        liveliness=MANUAL_BY_TOPIC if profile.liveliness is Liveliness.MANUAL_BY_TOPIC else AUTOMATIC,
         lease_ns=profile.lease_ns or FOREVER_NS,
     )
 

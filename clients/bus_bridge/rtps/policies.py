@@ -7,25 +7,33 @@ from typing import Final, NamedTuple
 
 from bus_bridge.rtps.parameters import FOREVER_NS
 
-__all__ = ["MANUAL_BY_TOPIC", "RELIABLE", "TRANSIENT_LOCAL", "Policies", "is_compatible"]
+__all__ = [
+    "AUTOMATIC",
+    "MANUAL_BY_TOPIC",
+    "RELIABLE",
+    "TRANSIENT_LOCAL",
+    "VOLATILE",
+    "Policies",
+    "is_compatible",
+]
 
-TRANSIENT_LOCAL: Final = 1
-MANUAL_BY_TOPIC: Final = 2
+VOLATILE, TRANSIENT_LOCAL = 0, 1
+"""Kinds of durability; higher ones are not offered here."""
+AUTOMATIC, MANUAL_BY_TOPIC = 0, 2
+"""Kinds of liveliness; 1 is manual by participant."""
 
 
 class Policies(NamedTuple):
     """QoS of one reader or writer; durations are in nanoseconds."""
 
     reliable: bool = True
-    durability: int = 0
-    """0: volatile, 1: transient local; higher ones are not offered here."""
+    durability: int = VOLATILE
     keep_all: bool = False
     depth: int = 1
     deadline_ns: int = FOREVER_NS
     lifespan_ns: int = FOREVER_NS
     """Only for writers; readers have none."""
-    liveliness: int = 0
-    """0: automatic, 1: manual by participant, 2: manual by topic."""
+    liveliness: int = AUTOMATIC
     lease_ns: int = FOREVER_NS
 
     @property
