@@ -46,7 +46,7 @@ _CORES = ("clients/bus/shm/", "clients/bus_bag/core/")
 
 
 class Mutant(msgspec.Struct, forbid_unknown_fields=True):
-    """A line to break, the effect, and the files of tests of which at least one must fail."""
+    """A line to break, the effect, and the tests of which at least one must fail: files, or `file::test`."""
 
     breaks: str
     file: str
@@ -93,7 +93,7 @@ def read() -> list[Mutant]:
 def mistakes(mutant: Mutant) -> list[str]:
     """Mismatches between the mutant and the tree: in its line, and in its tests."""
     source = (ROOT / mutant.file).read_text()
-    found = [f"no such file: {test}" for test in mutant.tests if not (ROOT / test).is_file()]
+    found = [f"no such test: {test}" for test in mutant.tests if not _is_there(test)]
     if source.count(mutant.old) != 1:
         found.append(f"not there once: {mutant.file}: {mutant.old!r} ({mutant.breaks})")
     elif mutant.file.endswith(".py"):
@@ -163,6 +163,12 @@ def _build_core(tree: Path) -> None:
     )
     if done.returncode:
         raise RuntimeError(f"the native core could not be built:\n{done.stderr}")
+
+
+def _is_there(test: str) -> bool:
+    file, _, name = test.partition("::")
+    path = ROOT / file
+    return path.is_file() and (not name or f"def {name}(" in path.read_text())
 
 
 def _report_of_unbroken(tree: Path, tests: list[str]) -> str:
