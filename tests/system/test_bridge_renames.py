@@ -2,6 +2,7 @@
 
 import asyncio
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -11,13 +12,16 @@ from bridged_world import World, on_one_loop, until
 from bridging import Made, received, world
 from bus.msg.std_msgs import Int32, String
 from bus.srv.example_interfaces import AddTwoInts
+from bus.types.classes import service_class
 from bus_bridge.core.qos_rule import QosRule
 from bus_bridge.core.rules import TopicRule
-from ros2_bridged import ask, ros
+from peers import peer
+from ros2_bridged import LIST, ask, ros
 
 __all__ = ["ros2_world", "world"]
 
 ros2_world = ros2_bridged.world
+ListParameters: Any = service_class(LIST)
 BEST = bus.QoSProfile(10, reliability="best_effort")
 
 
@@ -119,7 +123,7 @@ async def test_ros_2(ros2_world: World, tmp_path: Path, carrier: str) -> None:
             await ask(far, "publish", topic="/front/scan", type_name=string, **best)
             await ask(far, "publish", topic="/scan", type_name=string)
             await ask(far, "listen", topic="/front/scan", type_name=string)
-            await ask(far, "offer", service="/sum", type_name=ros2_bridged.LIST)
+            await ask(far, "offer", service="/sum", type_name=LIST)
             publisher = await ours.create_publisher(String, "/scan", 10)
             await publisher.wait_for_subscriptions(2)
             await subscription.wait_for_publishers(2)
@@ -138,3 +142,36 @@ async def test_ros_2(ros2_world: World, tmp_path: Path, carrier: str) -> None:
             topics = await ask(far, "topics")
             assert "/front/scan" in topics
     assert heard == ["from ROS 2", "from the bus"]
+
+
+@peer.each_distro
+@on_one_loop
+async def test_calls_of_renamed_services_of_ros_2(
+    ros2_world: World, tmp_path: Path, distro: peer.Distro
+) -> None:
+    (tmp_path / "bridge.toml").write_text("""
+        [[bridge.ros2.topics]]
+        pattern = "/ours"
+        far_name = "/robot/ours"
+        [[bridge.ros2.topics]]
+        pattern = "/ros/theirs"
+        far_name = "/theirs"
+        """)
+    side, _ = ros2_bridged.join(ros2_world, "--config", str(tmp_path / "bridge.toml"))
+
+    def answer(request: Any) -> Any:
+        response = ListParameters.Response()
+        response.result.names = request.prefixes
+        return response
+
+    async with side.node("ours") as ours:
+        await ours.create_service(ListParameters, "/ours", answer)
+        client = await ours.create_client(ListParameters, "/ros/theirs")
+        with await ros(ros2_world, distro) as far:
+            (found,) = await ask(far, "call", service="/robot/ours", type_name=LIST, prefixes=["a"])
+            assert found["result"]["names"] == ["a"]
+            await ask(far, "offer", service="/theirs", type_name=LIST, result={"names": ["b"]})
+            await client.wait_for_service()
+            assert (await client.call(ListParameters.Request())).result.names == ["b"]
+            names = await _services(ours)
+            assert {"/ours", "/ros/theirs"} <= {*names} and not {"/robot/ours", "/theirs"} & {*names}
