@@ -1,6 +1,6 @@
 """Checks of names that users choose: the id of a bus, and the group of a bus. Pure.
 
-Both are parts of keys of zenoh, and of names of nodes.
+Both are parts of keys of zenoh.
 """
 
 import re
@@ -8,9 +8,9 @@ from typing import Final
 
 from bus.errors import ConfigurationError
 
-__all__ = ["MAX_LENGTH", "checked_group", "checked_id"]
+__all__ = ["checked_group", "checked_id"]
 
-MAX_LENGTH: Final = 64
+_MAX_LENGTH: Final = 64
 _RIGHT: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 
 
@@ -25,9 +25,9 @@ def checked_group(text: str) -> str:
 
 
 def _checked(subject: str, text: str) -> str:
-    if len(text) > MAX_LENGTH or not _RIGHT.fullmatch(text):
+    if len(text) > _MAX_LENGTH or not _RIGHT.fullmatch(text):
         raise ConfigurationError(
             f"{subject} has letters, digits, '-', '_' and '.', begins with a letter or digit, and has "
-            f"at most {MAX_LENGTH} characters; it is {text[: MAX_LENGTH + 1]!r}"
+            f"at most {_MAX_LENGTH} characters; it is {text[: _MAX_LENGTH + 1]!r}"
         )
     return text

@@ -13,6 +13,7 @@ from bus_bridge.rtps.announcements import (
 from bus_bridge.rtps.client import ClientParticipant
 from bus_bridge.rtps.far import Bounds
 from bus_bridge.rtps.ids import (
+    DISCOVERY_READERS,
     FAST_DDS,
     OUR_VENDOR,
     PARTICIPANT,
@@ -38,11 +39,6 @@ _ADDRESSES: Final[dict[bytes, Address]] = {
 }
 """By prefix. The first two are in the settings."""
 _SERVERS: Final = tuple(_ADDRESSES.values())[:2]
-_BUILTIN: Final = {
-    SPDP_WRITER: SPDP_READER,
-    PUBLICATIONS_WRITER: PUBLICATIONS_READER,
-    SUBSCRIPTIONS_WRITER: SUBSCRIPTIONS_READER,
-}
 _BOUNDS: Final = Bounds(participants=3, endpoints=3, room_bytes=3000)
 
 
@@ -71,7 +67,7 @@ def _said(script: Script, sender: bytes, reader: bytes, writer: bytes) -> bytes:
     about = script.choose(tuple(_ADDRESSES))
     number = 1 + script.byte() % 16
     of_theirs = script.choose((SPDP_WRITER, PUBLICATIONS_WRITER, SUBSCRIPTIONS_WRITER, writer_id(0)))
-    to_ours = _BUILTIN.get(of_theirs, reader)
+    to_ours = DISCOVERY_READERS.get(of_theirs, reader)
     match script.byte() % 10:
         case 0:
             return m.write_data(SPDP_READER, SPDP_WRITER, 1, _described(sender, script))
@@ -99,8 +95,8 @@ def _said(script: Script, sender: bytes, reader: bytes, writer: bytes) -> bytes:
         case 8:
             return m.write_gap(to_ours, of_theirs, number, number + script.byte(), ())
         case _:
-            ours = script.choose((*_BUILTIN, writer))
-            theirs = _BUILTIN.get(ours, reader_id(0))
+            ours = script.choose((*DISCOVERY_READERS, writer))
+            theirs = DISCOVERY_READERS.get(ours, reader_id(0))
             missing = range(number, number + script.byte() % 9)
             return m.write_acknack(theirs, ours, number, missing, script.byte(), is_final=False)
 

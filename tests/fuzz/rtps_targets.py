@@ -167,16 +167,16 @@ class Watched:
         self._check()
 
     def _check(self) -> None:
-        there, matched = self._news.there, {*self.reader.matched, *self.writer.matched}
+        there = self._news.there
         assert len(self.participant.far) <= self._bounds.participants
         assert self._news.participants == {far.prefix for far in self.participant.far}
         for far in self.participant.far:
             assert len(far.endpoints) <= self._bounds.endpoints and far.room.left >= 0
             assert all(guid in there for guid in far.endpoints)
-        assert matched <= set(there)
+        assert {*self.reader.matched, *self.writer.matched} <= there.keys()
         assert self.writer.writer is not None and self.writer.writer.kept <= 3
         # A writer that is matched again may count again.
-        self._numbers = {guid: number for guid, number in self._numbers.items() if guid in matched}
+        self._numbers = {guid: one for guid, one in self._numbers.items() if guid in self.reader.matched}
         assert self._sent < _MOST_SENT
         self._sent = 0
 

@@ -1,7 +1,6 @@
 """Services of the C client: a server or a client in C or C++, and the other end in Python, by both routes."""
 
 import asyncio
-import re
 import signal
 from pathlib import Path
 from typing import Any
@@ -48,11 +47,10 @@ async def test_a_server_in_c(node: bus.Node, service: Path, tmp_path: Path, rout
         await server.line("request 1000")
         assert (await client.call(AddTwoInts.Request(a=5, b=5))).sum == 10
         assert (await first).sum == 1002
-        await client.close()
         server.process.send_signal(signal.SIGTERM)
         assert await server.end() == 0
     assert not [line for line in server.lines if "request" not in line and line != "ready"]
-    assert re.fullmatch("requests 203 responses 203 errors 1 late 0 open 0 matches [01]", server.lines[-1])
+    assert server.lines[-1] == "requests 203 responses 203 errors 1 late 0 open 0 matches 1"
 
 
 async def test_a_client_in_c(node: bus.Node, service: Path, tmp_path: Path, route: str) -> None:

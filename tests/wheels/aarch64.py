@@ -25,7 +25,7 @@ _PACKAGES = ("python3-minimal", "libpython3-stdlib", "libpython3-dev")
 _PROGRAM = Path(__file__).with_name("on_aarch64.py")
 _EXTRAS = "[ros2,rmw-zenoh]"
 """Those that a robot's computer needs."""
-_TEST_PACKAGES = ("hypothesis", "pytest", "pytest-asyncio", "pytest-timeout", "pyyaml", "numpy")
+_TEST_PACKAGES = ("hypothesis", "pytest", "pytest-asyncio", "pytest-timeout")
 _ENGINE_TESTS = "tests/unit/bus_bridge/rtps"
 """cyclonedds has no wheel for aarch64, so there the bridge to ROS 2 runs on this engine."""
 
@@ -43,10 +43,6 @@ class Machine:
     def words(self, *arguments: str) -> list[str]:
         """The command that runs its Python."""
         return [_EMULATOR, "-L", str(self.root), str(self.python), *arguments]
-
-    def ask(self, code: str) -> str:
-        """What a program prints there."""
-        return _run(self.words("-c", code), Missing).strip()
 
     @property
     def flags(self) -> str:

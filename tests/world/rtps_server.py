@@ -16,16 +16,14 @@ from bus_bridge.rtps.announcements import (
     write_participant,
 )
 from bus_bridge.rtps.ids import (
+    DISCOVERY_READERS,
     FAST_DDS,
     GUID_BYTES,
     PARTICIPANT,
     PREFIX_BYTES,
-    PUBLICATIONS_READER,
     PUBLICATIONS_WRITER,
     SPDP_READER,
     SPDP_WRITER,
-    SUBSCRIPTIONS_READER,
-    SUBSCRIPTIONS_WRITER,
 )
 from bus_bridge.rtps.messages import (
     AckNack,
@@ -45,11 +43,7 @@ from rtps_world import Network
 
 __all__ = ["Server"]
 
-_PAIRS = (
-    (SPDP_WRITER, SPDP_READER),
-    (PUBLICATIONS_WRITER, PUBLICATIONS_READER),
-    (SUBSCRIPTIONS_WRITER, SUBSCRIPTIONS_READER),
-)
+_PAIRS = DISCOVERY_READERS.items()
 _RELATED = 0x83
 _ANNOUNCE_NS = 3_000_000_000
 _LEASE_NS = 20_000_000_000
@@ -120,7 +114,7 @@ class Server:
             elif isinstance(one, AckNack):
                 self._writers[one.writer].acknowledge(prefix + one.reader, one, now_ns)
             elif isinstance(one, Data | Heartbeat | Gap):
-                reader = self._readers[dict(_PAIRS)[one.writer]]
+                reader = self._readers[DISCOVERY_READERS[one.writer]]
                 match one:
                     case Data():
                         reader.data(prefix + one.writer, one, received.time_ns, now_ns)

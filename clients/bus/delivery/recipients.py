@@ -83,7 +83,7 @@ class Recipients:
         self._level = 0  # the broker's last credit; a place below it holds the window back
         self.awaited: dict[bytes, Wait] = {}
         """Subscriptions of an earlier broker, by gid: nothing new leaves before they are back."""
-        self._wait: Timer | None = None  # for the awaited
+        self._wait_timer: Timer | None = None  # for the awaited
         self._may_return = False  # matches of an earlier broker may be made again
         self._return: Timer | None = None  # the end of that
         self.on_all_back: Callable[[], object] = int
@@ -190,14 +190,14 @@ class Recipients:
         for gid, place in self._places.items():
             place.timer = later(RETURN_S, self._time_is_up, gid, place)
         if self.awaited:
-            self._wait = later(_SHORT_RETURN_S, self._wait_for_lossless)
+            self._wait_timer = later(_SHORT_RETURN_S, self._wait_for_lossless)
         if self._may_return:
             self._return = later(RETURN_S, self._returned)
 
     def go_on(self) -> None:
         """Stop waiting: all awaited subscriptions are back, or were away too long."""
-        if self._wait is not None:
-            self._wait.cancel()
+        if self._wait_timer is not None:
+            self._wait_timer.cancel()
         self.awaited.clear()
         self.on_all_back()
 
@@ -253,7 +253,7 @@ class Recipients:
         """Wait only for lossless subscriptions from now on: the others were away too long."""
         self.awaited = {gid: one for gid, one in self.awaited.items() if one is Wait.LONG}
         if self.awaited:
-            self._wait = self._port.later(RETURN_S - _SHORT_RETURN_S, self.go_on)
+            self._wait_timer = self._port.later(RETURN_S - _SHORT_RETURN_S, self.go_on)
         else:
             self.go_on()
 
@@ -262,6 +262,6 @@ class Recipients:
         self.on_fewer()
 
     def _cancel_timers(self) -> None:
-        for timer in (self._wait, self._return):
+        for timer in (self._wait_timer, self._return):
             if timer is not None:
                 timer.cancel()

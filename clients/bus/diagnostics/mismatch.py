@@ -1,6 +1,6 @@
 """For tools: the reason why a publisher and a subscription of one topic don't match, found in the graph.
 
-The texts are those of `incompatibility` in `busd.core.matching`, which busd sends to the two endpoints.
+busd itself sends such texts to the two endpoints: `incompatibility` in `busd.core.matching`.
 """
 
 from collections.abc import Callable

@@ -3,10 +3,12 @@
 A GUID has 16 bytes: the prefix of its participant (12), and the id of the entity in it (4).
 """
 
+from collections.abc import Mapping
 from typing import Final
 
 __all__ = [
     "CYCLONE",
+    "DISCOVERY_READERS",
     "FAST_DDS",
     "GUID_BYTES",
     "OUR_VENDOR",
@@ -45,6 +47,13 @@ PUBLICATIONS_READER: Final = bytes.fromhex("000003c7")
 SUBSCRIPTIONS_WRITER: Final = bytes.fromhex("000004c2")
 """Announces readers."""
 SUBSCRIPTIONS_READER: Final = bytes.fromhex("000004c7")
+DISCOVERY_READERS: Final[Mapping[bytes, bytes]] = {
+    SPDP_WRITER: SPDP_READER,
+    PUBLICATIONS_WRITER: PUBLICATIONS_READER,
+    SUBSCRIPTIONS_WRITER: SUBSCRIPTIONS_READER,
+}
+"""By the writer of discovery. The pair for participants is reliable between a Discovery Server and its
+clients only."""
 
 _WRITER_NO_KEY: Final = 0x03
 _READER_NO_KEY: Final = 0x04

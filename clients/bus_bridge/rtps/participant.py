@@ -28,10 +28,10 @@ from bus_bridge.rtps.announcements import (
 )
 from bus_bridge.rtps.far import FarParticipant, FarParticipants
 from bus_bridge.rtps.ids import (
+    DISCOVERY_READERS,
     PREFIX_BYTES,
     PUBLICATIONS_READER,
     PUBLICATIONS_WRITER,
-    SPDP_READER,
     SPDP_WRITER,
     SUBSCRIPTIONS_READER,
     SUBSCRIPTIONS_WRITER,
@@ -65,15 +65,8 @@ OF_DISCOVERY: Final = Keeping(changes=20_000, payload_bytes=32 << 20, for_late_j
 """How much the writers of announcements keep."""
 _KINDS: Final[Mapping[bytes, EndpointKind]] = {PUBLICATIONS_WRITER: "writer", SUBSCRIPTIONS_WRITER: "reader"}
 """The kind of endpoints that each writer of discovery announces."""
-_READERS: Final = {
-    PUBLICATIONS_WRITER: PUBLICATIONS_READER,
-    SUBSCRIPTIONS_WRITER: SUBSCRIPTIONS_READER,
-    SPDP_WRITER: SPDP_READER,
-}
-"""The reader of each writer of discovery. Those for participants are reliable between a Discovery Server and
-its clients only."""
-_WRITERS: Final = {reader: writer for writer, reader in _READERS.items()}
-_BUILTIN: Final = _READERS.keys() | _WRITERS.keys()
+_WRITERS: Final = {reader: writer for writer, reader in DISCOVERY_READERS.items()}
+_BUILTIN: Final = DISCOVERY_READERS.keys() | _WRITERS.keys()
 
 
 class Events(Protocol):
@@ -208,7 +201,7 @@ class Participant:
     def is_known(self, local: Local, prefix: bytes) -> bool:
         """Whether that participant has acknowledged the announcement of an endpoint of ours."""
         announcer = self._announcer(local.data.kind)
-        return announcer.acknowledged(prefix + _READERS[announcer.entity]) >= local.announced
+        return announcer.acknowledged(prefix + DISCOVERY_READERS[announcer.entity]) >= local.announced
 
     # --- datagrams and times
 
@@ -379,8 +372,8 @@ class Participant:
 
     def _readers_for(self, reader: bytes, writer: bytes) -> list[Reader]:
         """Our readers that a submessage of a far writer is for."""
-        if writer[PREFIX_BYTES:] in _READERS:
-            end = self._ends.get(_READERS[writer[PREFIX_BYTES:]])
+        if writer[PREFIX_BYTES:] in DISCOVERY_READERS:
+            end = self._ends.get(DISCOVERY_READERS[writer[PREFIX_BYTES:]])
             return [end] if isinstance(end, Reader) else []
         matched = self._matched.get(writer, {})
         if reader == UNKNOWN_ENTITY:
@@ -419,7 +412,7 @@ class Participant:
                 continue
             self._touched[entity] = None
             if isinstance(end, Writer):
-                end.add_reader(far.prefix + _READERS[entity], self._now_ns)
+                end.add_reader(far.prefix + DISCOVERY_READERS[entity], self._now_ns)
             else:
                 end.add_writer(far.prefix + _WRITERS[entity], far.room, self._now_ns)
 
@@ -516,7 +509,7 @@ class Participant:
                 continue
             self._touched[entity] = None
             if isinstance(end, Writer):
-                end.remove_reader(far.prefix + _READERS[entity])
+                end.remove_reader(far.prefix + DISCOVERY_READERS[entity])
             else:
                 end.remove_writer(far.prefix + _WRITERS[entity])
         self.far.remove(far)

@@ -3,7 +3,7 @@
 import errno
 import os
 import socket
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 
 from bus.errors import BusError
@@ -11,7 +11,7 @@ from bus.graph import Graph
 from bus_bridge.config import TABLES, load
 from bus_bridge.core.status import SERVICE_TYPE
 from bus_bridge.extras import EXTRAS, why_missing, why_no_rmw_zenoh
-from bus_bridge.options import BridgeTable, Ros2Table, ZenohTable
+from bus_bridge.options import Ros2Table, ZenohTable
 from bus_bridge.rmw_zenoh.options import addresses_to_connect
 from bus_bridge.zenoh.options import Address, parse_address
 from bus_cli.doctor import procfs
@@ -55,7 +55,8 @@ def examine(
         else:
             extra = EXTRAS[engine]
             yield ok("bridges", f"{extra.distribution} {version(extra.distribution)}")
-        yield from _ports(table, is_running=engine in running)
+        if isinstance(table, ZenohTable):
+            yield from _ports(table.listen, is_running=engine in running)
         if engine == "ros2":
             if environment.get("RMW_IMPLEMENTATION") == "rmw_zenoh_cpp" and _RMW_ZENOH not in running:
                 text = "ROS 2's nodes use zenoh here (RMW_IMPLEMENTATION)"
@@ -72,7 +73,7 @@ def _rmw_zenoh(table: Ros2Table, *, is_running: bool) -> Iterator[Finding]:
         yield warn("bridges", text, advice)
         return
     yield ok("bridges", f"eclipse-zenoh {version('eclipse-zenoh')}, xxhash {version('xxhash')}")
-    yield from _ports(table, is_running=is_running)
+    yield from _ports(table.listen, is_running=is_running)
     for text in addresses_to_connect(table.connect, table.listen, table.router):
         address = parse_address(text)  # `load` has checked it
         if address.protocol == "tcp" and address.host == "localhost":
@@ -88,9 +89,9 @@ def _router(text: str, address: Address) -> Finding:
     return ok("bridges", f"a router answers at {text}")
 
 
-def _ports(table: BridgeTable, *, is_running: bool) -> Iterator[Finding]:
-    """Whether a bridge could listen on the addresses in the table."""
-    for text in table.listen if isinstance(table, ZenohTable | Ros2Table) else ():
+def _ports(listen: Iterable[str], *, is_running: bool) -> Iterator[Finding]:
+    """Whether a bridge could listen on these addresses."""
+    for text in listen:
         try:
             fault = _find_fault(parse_address(text))
         except BusError as error:

@@ -1,7 +1,6 @@
 """Callbacks that block the event loop, on a clock of the test: calls that count, and the one warning."""
 
 from collections.abc import Awaitable, Callable, Generator
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -159,12 +158,10 @@ def test_for_a_caller_that_has_the_times() -> None:
 
 def test_the_name_of_a_bound_callback(clock: Clock) -> None:
     log = Log()
-    holder = SimpleNamespace()
 
     class Camera:
         def on_image(self) -> None:
             clock.pass_()
 
-    holder.camera = Camera()
-    watch(holder.camera.on_image, log)()
+    watch(Camera().on_image, log)()
     assert "Camera.on_image" in log.warnings[0]
