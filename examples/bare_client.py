@@ -45,6 +45,8 @@ class Endpoint:
     gid: bytes = field(default_factory=lambda: os.urandom(16))
     id: int = 0
     """From busd; 0: busd has not created it on this connection."""
+    max_bytes: int = 0
+    """From busd: the longest message."""
     next_seq: int = 1
     last_seqs: dict[bytes, int] = field(default_factory=dict)
     """The last number received, by the gid of the publisher."""
@@ -85,6 +87,10 @@ class Client:
         self.write(FRAME.pack(4 + len(body), CONTROL, 0, 0) + body)
 
     def send_sample(self, endpoint: Endpoint, payload: bytes) -> None:
+        if len(payload) > endpoint.max_bytes:
+            most = f"{endpoint.max_bytes} bytes are the limit"
+            print(f"a message of {len(payload)} bytes on {endpoint.topic} dropped: {most}", file=sys.stderr)
+            return
         record = RECORD.pack(len(payload), time.monotonic_ns()) + payload
         seq = endpoint.next_seq
         endpoint.next_seq += 1
@@ -138,7 +144,7 @@ class Client:
     def take_created(self, message: dict[Any, Any]) -> None:
         endpoint = self.pending.pop(message["request"])
         if endpoint is not None:
-            endpoint.id = message["id"]
+            endpoint.id, endpoint.max_bytes = message["id"], message.get("max_message_bytes", 0)
             return
         self.node = message["id"]
         self.declare()

@@ -1,4 +1,4 @@
-"""A bare client (`examples/bare_client.py`, `service_clients.py`) that is wrong in one way:
+"""A bare client (`bare_client.py` and its subclasses in `tests/`) that is wrong in one way:
 
     python tests/wrong_clients.py WAY ROLE
 
@@ -16,6 +16,7 @@ import msgspec
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "examples"))
 from bare_client import FRAME, RECORD, RUN, Client, ConnectionLost, Endpoint
+from lossless_client import Lossless
 from service_clients import SUPPORT, Caller, Server
 
 
@@ -176,6 +177,58 @@ class HappyRefusal(Client):
         super().take_message(message)
 
 
+class EventIsTheEnd(Client):
+    def take_message(self, message: dict[Any, Any]) -> None:
+        if message["m"] == "liveliness" and not message["alive"]:
+            sys.exit("the publisher is not alive")
+        super().take_message(message)
+
+
+class FirstMatchOnly(Client):
+    is_over = False
+
+    def take_message(self, message: dict[Any, Any]) -> None:
+        self.is_over = self.is_over or message["m"] == "unmatched"
+        super().take_message(message)
+
+    def talk(self) -> None:
+        if not self.is_over:
+            super().talk()
+
+
+class OneNumberForAll(Client):
+    def take_run(self, frame: bytes) -> None:
+        """Takes the samples of a new publisher for repeated ones."""
+        for endpoint in self.endpoints:
+            highest = max(endpoint.last_seqs.values(), default=0)
+            endpoint.last_seqs = dict.fromkeys(endpoint.gids.values(), highest)
+        super().take_run(frame)
+
+
+class NoCredit(Lossless):
+    def take_credit(self, seq: int) -> None:
+        pass
+
+
+class NoWindow(Lossless):
+    def talk(self) -> None:
+        Client.talk(self)
+
+
+class NoLimit(Client):
+    def send_sample(self, endpoint: Endpoint, payload: bytes) -> None:
+        endpoint.max_bytes = 1 << 30
+        super().send_sample(endpoint, payload)
+
+
+class SmallBuffer(Client):
+    def frames(self) -> list[bytes]:
+        """A frame that is longer than one read is dropped."""
+        if len(self.buffer) > 65536:
+            raise ConnectionLost
+        return super().frames()
+
+
 class NoReturn(Client):
     def run(self) -> None:
         try:
@@ -321,6 +374,13 @@ WAYS = [
     ),
     Way(SilentRefusal, "listen", "refusal", "it did not print the text of Refused"),
     Way(HappyRefusal, "talk", "refusal", "it ended with status 0, as if nothing was refused"),
+    Way(EventIsTheEnd, "listen", "events", "the client ended with status 1"),
+    Way(FirstMatchOnly, "talk", "events", "did not send sample"),
+    Way(OneNumberForAll, "relay", "events", "returned fewer than the 4 samples of /conformance/in"),
+    Way(NoWindow, "talk", "window", "sent sample 4; its credit is 0, and window_samples of Created is 3"),
+    Way(NoCredit, "talk", "window", "did not send sample 6 after Credit for 3; its last one was 3"),
+    Way(NoLimit, "relay", "limit", "has 203 bytes; max_message_bytes of Created is 200"),
+    Way(SmallBuffer, "relay", "growth", "sample 3 did not come back"),
     Way(NoReturn, "talk", "restart", "the client ended with status 1"),
     Way(NewGids, "talk", "restart", "did not come back with its gid"),
     Way(NumbersFromOne, "talk", "restart", "next_seq is 1, but its samples up to"),

@@ -40,12 +40,17 @@ def programs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @on_one_loop
 async def test_it_passes_every_story(programs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("BUSD_AUTOSTART", "0")
-    relay = [str(programs / "peer"), "relay", "/conformance/in", "/conformance/out"]
-    service = str(programs / "service")
-    others = {"serve": [service, "serve", "/add"], "call": [service, "call", "/add", "1", "2", "3"]}
+    peer, service = str(programs / "peer"), str(programs / "service")
+    relay = [peer, "relay", "/conformance/in", "/conformance/out"]
+    others = {
+        "window": [peer, "talk", "/topic", "1000", "keep_all", "pause_ms=50"],
+        "serve": [service, "serve", "/add"],
+        "call": [service, "call", "/add", "1", "2", "3"],
+    }
     outcomes = {story: (await outcome(story, others.get(story, relay), SOON_S))[:2] for story in STORIES}
     assert {mark for mark, _ in outcomes.values()} == {"ok"}, outcomes
     assert outcomes["real"][1] == "3 samples returned by shm and shm; the same after a kill of busd"
+    assert outcomes["growth"][1] == "5 samples returned by shm and shm; texts of up to 1000000 bytes"
 
 
 @pytest.fixture(scope="session")

@@ -20,8 +20,11 @@ from wrong_clients import WAYS
 TESTS = Path(__file__).parents[1]
 BARE = (sys.executable, str(EXAMPLES / "bare_client.py"))
 WRONG = (sys.executable, str(TESTS / "wrong_clients.py"))
-RIGHT = {story: [sys.executable, str(TESTS / "service_clients.py"), story] for story in ("serve", "call")}
-"""The clients for the stories about services."""
+RIGHT = {
+    "window": [sys.executable, str(TESTS / "lossless_client.py"), "talk"],
+    **{story: [sys.executable, str(TESTS / "service_clients.py"), story] for story in ("serve", "call")},
+}
+"""The clients for stories about services, and about keep all."""
 AT_ONCE = 4
 
 
@@ -51,6 +54,11 @@ async def test_a_right_client_passes_every_story() -> None:
     declared = "node /bare_relay, subscription 42 on /conformance/in (std_msgs/msg/String), publisher 44 on "
     assert outcomes["declare"][1].startswith(declared)
     assert outcomes["restart"][1] == "connected and declared again, 2 endpoints with the same gids"
+    assert outcomes["events"][1] == "/conformance/in: 4 samples returned on /conformance/out"
+    assert outcomes["window"][1] == "/topic: never more than 3 samples without credit"
+    assert outcomes["limit"][1] == "/conformance/out: no message above the limit of 200 bytes"
+    returned = "5 samples returned by socket and socket; texts of up to 1000000 bytes"
+    assert outcomes["growth"][1] == returned
     assert outcomes["serve"][1] == "/add: 2 calls answered, 2 questions too"
     assert outcomes["call"][1] == "/add: asked about call 1 until it knew that the call was lost"
 
@@ -65,22 +73,28 @@ async def test_stories_without_an_occasion_are_left_out() -> None:
         ("ok", "/topic: 3 samples sent"),
     ]
     assert await play([(story, [*BARE, "talk"]) for story in RIGHT]) == [
+        ("-", "left out: it has no publisher that is reliable and keep all"),
         ("-", "left out: it serves no service"),
         ("-", "left out: it is no client of a service"),
+    ]
+    assert await play([(story, [*BARE, "talk"]) for story in ("limit", "growth")]) == [
+        ("-", "left out: it does not publish on /conformance/out the messages of /conformance/in"),
+        ("-", "left out: it has no subscription to a type with a text"),
     ]
 
 
 @pytest.mark.nightly
 @on_one_loop
 async def test_the_library_itself_passes() -> None:
-    played = [
-        (story, [sys.executable, str(EXAMPLES / f"{name}.py")])
-        for name in ("talker", "listener")
-        for story in STORIES
-    ]
+    played_names = [(name, story) for name in ("talker", "listener") for story in STORIES]
+    played = [(story, [sys.executable, str(EXAMPLES / f"{name}.py")]) for name, story in played_names]
     outcomes = await play(played)
     assert [text for mark, text in outcomes if mark == "fail"] == []
-    assert [mark for mark, _ in outcomes].count("-") == 2 + 2 * len(RIGHT)
+    marks = dict(zip(played_names, (mark for mark, _ in outcomes), strict=True))
+    assert {name for name, mark in marks.items() if mark == "-"} == {
+        *((name, story) for name in ("talker", "listener") for story in (*RIGHT, "limit")),
+        *(("talker", "subscribe"), ("talker", "growth"), ("listener", "publish")),
+    }
 
 
 @pytest.mark.landing

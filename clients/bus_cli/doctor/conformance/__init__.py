@@ -8,7 +8,7 @@ Starts the client once for each story, with a separate broker that plays the sto
 - `stage.py`: the socket and the connections of a busd that only tests
 - `stories.py`: the stories
 - `services.py`: the stories about services
-- `real.py`: the story with a real busd, and its stage
+- `real.py`: the stories with a real busd, and their stage
 - `program.py`: plays the stories and prints the outcomes
 - `options.py`: the options, which `bus doctor` has without these modules
 

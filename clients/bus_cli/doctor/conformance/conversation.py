@@ -5,9 +5,10 @@ client may use when. Frames and fields were checked before (`bus.wire.session`).
 clocks.
 """
 
+import hashlib
 from collections import deque
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 
@@ -20,11 +21,10 @@ from bus.wire.layout import DATA, DATA_HEAD, DATA_HEAD_BYTES, LENGTH_BYTES, RECO
 from bus.wire.runs import Run
 from bus_cli.doctor.conformance import payloads
 
-__all__ = ["Conversation", "Endpoint", "LeftOut", "Wrong", "is_plain"]
+__all__ = ["USUAL", "Conversation", "Endpoint", "LeftOut", "Terms", "Wrong", "is_plain"]
 
 GID_BYTES = 16
 _MOST_PAYLOADS = 1000
-_MOST_BYTES = 1 << 20
 _AHEAD_NS = 100_000_000
 """How far a stamp may be ahead: another processor may have a slightly different view of the clock."""
 _PLUMBING = ("/rosout", "/parameter_events")
@@ -36,6 +36,20 @@ class Wrong(Exception):
 
 class LeftOut(Exception):
     """The story says nothing about this client."""
+
+
+class Terms(NamedTuple):
+    """Terms of busd for endpoints on topics of users. The other endpoints have the defaults."""
+
+    refuses: str = ""
+    """The text with which busd refuses each; empty: it creates them."""
+    max_message_bytes: int = 1 << 20
+    window_samples: int = 1 << 16
+    gives_credit: bool = True
+    """Whether a lossless publisher gets credit at once."""
+
+
+USUAL = Terms()
 
 
 class Endpoint(msgspec.Struct, eq=False):
@@ -50,6 +64,9 @@ class Endpoint(msgspec.Struct, eq=False):
     node: int
     partner: int
     """The id of the endpoint on the other side."""
+    terms: Terms = USUAL
+    partners: int = 1
+    """How many endpoints it has matched, one after the other."""
     next_seq: int = 1
     last_seqs: dict[bytes, int] = {}
     samples: int = 0
@@ -58,6 +75,8 @@ class Endpoint(msgspec.Struct, eq=False):
     """Number of the last sample published by it, or sent to it."""
     stamp_ns: int = 0
     acknowledged: int = 0
+    credit: int = 0
+    """Number of the last sample for which it has credit."""
     payloads: deque[bytes] = msgspec.field(default_factory=lambda: deque(maxlen=_MOST_PAYLOADS))
     """The last payloads that it published."""
 
@@ -66,21 +85,20 @@ class Endpoint(msgspec.Struct, eq=False):
 
     @property
     def partner_gid(self) -> bytes:
-        """Depends on the topic only, so it is the same after a restart."""
-        return gid_of_partner(self.topic)
+        """The same after a restart."""
+        return gid_of_partner(self.topic, self.partners)
 
 
 class Conversation:
     """The declarations and samples of one connection; raises Wrong at the first broken rule.
 
-    Its ids begin at `first_id`. `started_ns`: no sample is older. `refuses`: the text with which it refuses
-    the first endpoint on a plain topic.
+    Its ids begin at `first_id`. `started_ns`: no sample is older.
     """
 
-    def __init__(self, first_id: int, started_ns: int, *, refuses: str = "") -> None:
+    def __init__(self, first_id: int, started_ns: int, terms: Terms) -> None:
         self._started_ns = started_ns
         self._next_id = first_id
-        self._refuses = refuses
+        self._terms = terms
         self._requests: set[int] = set()
         self._types: dict[tuple[str, str], MessageSchema] = {}
         self._has_shared = False
@@ -148,6 +166,21 @@ class Conversation:
         length = DATA_HEAD_BYTES - LENGTH_BYTES + len(records)
         head = DATA_HEAD.pack(length, DATA, 0, 0, endpoint.id, endpoint.partner, first, count, 0)
         return head + records
+
+    def replace_partner(self, endpoint: Endpoint) -> list[m.Message]:
+        """The match ends, and another endpoint, with another gid, matches: the messages about both."""
+        last_seq = 0 if endpoint.is_publisher else endpoint.last_seq
+        unmatched = m.Unmatched(endpoint=endpoint.id, other=endpoint.partner, last_seq=last_seq)
+        endpoint.partner = self._new_id()
+        endpoint.partners += 1
+        if not endpoint.is_publisher:
+            endpoint.last_seq = endpoint.acknowledged = 0
+        return [unmatched, self._matched(endpoint)]
+
+    def give_credit(self, endpoint: Endpoint) -> m.Message:
+        """Credit for everything that a publisher has sent."""
+        endpoint.credit = endpoint.last_seq
+        return m.Credit(publisher=endpoint.id, seq=endpoint.credit)
 
     # --- rules
 
@@ -219,9 +252,10 @@ class Conversation:
         if schema is None:
             name = f"{message.type_name} with {message.type_hash}"
             raise Wrong(f"{kind} on {message.topic} comes without a DeclareType of {name} before it")
-        if self._refuses and is_plain(message.topic):
+        terms = self._terms if is_plain(message.topic) else USUAL
+        if terms.refuses:
             self.refused += 1
-            return [m.Refused(request=message.request, text=self._refuses)]
+            return [m.Refused(request=message.request, text=terms.refuses)]
         one = Endpoint(
             id=self._new_id(),
             is_publisher=is_publisher,
@@ -231,9 +265,11 @@ class Conversation:
             gid=message.gid,
             node=message.node,
             partner=self._new_id(),
+            terms=terms,
         )
         if isinstance(message, m.CreatePublisher):
-            one.next_seq, one.last_seq = message.next_seq, message.next_seq - 1
+            one.next_seq = message.next_seq
+            one.last_seq = one.credit = message.next_seq - 1
         else:
             one.last_seqs = message.last_seqs
             one.last_seq = message.last_seqs.get(one.partner_gid, 0)
@@ -246,8 +282,8 @@ class Conversation:
             request=request,
             id=one.id,
             depth=depth,
-            max_message_bytes=_MOST_BYTES,
-            window_samples=65536,
+            max_message_bytes=one.terms.max_message_bytes,
+            window_samples=one.terms.window_samples,
             window_bytes=4 << 20,
             ring_bytes=64 << 20,
         )
@@ -288,12 +324,18 @@ class Conversation:
             self._check_sample(one, seq, bytes(payload), stamp_ns, now_ns)
         one.last_seq = run.first_seq + run.count - 1
         if one.qos.is_lossless:
-            yield m.Credit(publisher=one.id, seq=one.last_seq)
+            window = one.terms.window_samples
+            if one.last_seq - one.credit > window:
+                text = f"its credit is {one.credit}, and window_samples of Created is {window}"
+                raise Wrong(f"{one} sent sample {one.last_seq}; {text}")
+            if one.terms.gives_credit:
+                yield self.give_credit(one)
 
     def _check_sample(self, one: Endpoint, seq: int, payload: bytes, stamp_ns: int, now_ns: int) -> None:
         what = f"sample {seq} of {one}"
-        if len(payload) > _MOST_BYTES:
-            raise Wrong(f"{what} has {len(payload)} bytes; max_message_bytes of Created is {_MOST_BYTES}")
+        most = one.terms.max_message_bytes
+        if len(payload) > most:
+            raise Wrong(f"{what} has {len(payload)} bytes; max_message_bytes of Created is {most}")
         if stamp_ns > now_ns + _AHEAD_NS:
             ahead_s = (stamp_ns - now_ns) / 1e9
             raise Wrong(f"{what} is stamped {ahead_s:.1f} s in the future; stamps are CLOCK_MONOTONIC")
@@ -327,9 +369,9 @@ def _is_question(one: Endpoint, payload: bytes) -> bool:
     return True
 
 
-def gid_of_partner(topic: str) -> bytes:
-    """The gid of the endpoint on the other side."""
-    return f"partner{topic}".encode()[:GID_BYTES].ljust(GID_BYTES, b"-")
+def gid_of_partner(topic: str, number: int = 1) -> bytes:
+    """The gid of an endpoint on the other side, the first one or a later one."""
+    return hashlib.blake2b(f"{number} {topic}".encode(), digest_size=GID_BYTES).digest()
 
 
 def _listed(ids: Any) -> str:

@@ -36,10 +36,11 @@ def _support(schema: MessageSchema) -> TypeSupport[Any] | None:
         return None
 
 
-def make(schema: MessageSchema, number: int) -> bytes | None:
+def make(schema: MessageSchema, number: int, text_bytes: int = 0) -> bytes | None:
     """The message with that number: messages with different numbers differ, if a field of the type allows it.
 
-    None if the type is not known, or has no message of defaults.
+    With `text_bytes`, its text has at least that many bytes. None if the type is not known, has no message of
+    defaults, or needs a text and has none.
     """
     support = _support(schema)
     if support is None:
@@ -48,11 +49,13 @@ def make(schema: MessageSchema, number: int) -> bytes | None:
     values: dict[str, Any] = {}
     for field in root["fields"]:
         if field["type"] == "string":
-            values = {field["name"]: f"message {number}"}
-        elif field["type"] in _INTEGERS:
+            values = {field["name"]: f"message {number}".ljust(text_bytes, ".")}
+        elif field["type"] in _INTEGERS and not text_bytes:
             values = {field["name"]: number}
         if values:
             break
+    if text_bytes and not values:
+        return None
     try:
         return bytes(support.encode(support.cls(**values)))
     except (TypeError, ValueError):

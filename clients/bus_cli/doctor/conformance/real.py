@@ -1,11 +1,12 @@
-"""The last story: the client with a real busd and a node of the library, and once more after a kill of busd.
+"""The stories with a real busd and a node of the library: samples before and after a kill of busd, and large
+samples.
 
-Shows what the other stories can't: the route that busd chooses, also shared memory, and real matches.
+They show what the other stories can't: the route that busd chooses, also shared memory, and real matches.
 """
 
 import asyncio
 import socket
-from collections.abc import Coroutine, Sequence
+from collections.abc import Coroutine, Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from time import monotonic
@@ -18,18 +19,20 @@ from bus.errors import BusError
 from bus.graph import Graph, GraphEndpoint
 from bus.link.autostart import BUSD
 from bus.node import Node
+from bus.publisher import Publisher
 from bus.qos import Durability, QoSProfile
-from bus.schema import MessageSchema
 from bus_cli.doctor.conformance import payloads
 from bus_cli.doctor.conformance.client import Client
-from bus_cli.doctor.conformance.conversation import Wrong, is_plain
+from bus_cli.doctor.conformance.conversation import LeftOut, Wrong, is_plain
 from bus_cli.doctor.conformance.options import RELAY
 
-__all__ = ["RealStage", "play"]
+__all__ = ["RealStage", "play", "play_growth"]
 
 T = TypeVar("T")
 
 _SAMPLES = 3
+_GROWING_BYTES = 100, 10_000, 100_000, 1_000_000, 100
+"""Each of the longer messages needs a larger ring than the one before."""
 _SETTLED_S = 0.3
 _TICK_S = 0.05
 
@@ -146,17 +149,43 @@ async def play(stage: RealStage) -> str:
     return f"{', '.join(told)}; the same after a kill of busd"
 
 
-async def _exchange(stage: RealStage, endpoints: list[GraphEndpoint]) -> list[str]:
-    """Take samples from its publishers and publish to its subscriptions; returns a text about each."""
-    by_topic = {(one.topic, one.kind): one for one in endpoints}
-    source = by_topic.get((RELAY[0], "subscription"))
-    target = by_topic.get((RELAY[1], "publisher"))
-    if source is not None and target is not None:
-        return [await _relay(stage, source, target)]
+async def play_growth(stage: RealStage) -> str:
+    """The story: messages that make the rings grow, on both sides if the client is a relay."""
+    endpoints = await stage.endpoints("it created no endpoint on a topic of its own")
     told = []
-    for one in endpoints:
-        told.append(await (_listen(stage, one) if one.kind == "publisher" else _talk(stage, one)))
-    return told
+    for one, target in _inputs(endpoints):
+        schema = await stage.node.get_schema(one.type_name, one.type_hash)
+        bodies = _known(payloads.make(schema, at, size) for at, size in enumerate(_GROWING_BYTES))
+        if len(bodies) == len(_GROWING_BYTES):
+            told.append(await _send(stage, one, target, bodies))
+    if not told:
+        raise LeftOut("it has no subscription to a type with a text")
+    return f"{', '.join(told)}; texts of up to {max(_GROWING_BYTES)} bytes"
+
+
+async def _exchange(stage: RealStage, endpoints: list[GraphEndpoint]) -> list[str]:
+    """Publish to its subscriptions and take samples from its publishers; returns a text about each."""
+    inputs = _inputs(endpoints)
+    told = []
+    for one, target in inputs:
+        schema = await stage.node.get_schema(one.type_name, one.type_hash)
+        bodies = _known(payloads.make(schema, number) for number in range(1, _SAMPLES + 1))
+        told.append(await _send(stage, one, target, bodies))
+    relays = [target for _, target in inputs]
+    outputs = [one for one in endpoints if one.kind == "publisher" and one not in relays]
+    return told + [await _listen(stage, one) for one in outputs]
+
+
+def _inputs(endpoints: list[GraphEndpoint]) -> list[tuple[GraphEndpoint, GraphEndpoint | None]]:
+    """Its subscriptions, each with the publisher that publishes the same messages again, if one does."""
+    outputs = (one for one in endpoints if (one.topic, one.kind) == (RELAY[1], "publisher"))
+    target = next(outputs, None)
+    found = [one for one in endpoints if one.kind == "subscription"]
+    return [(one, target if one.topic == RELAY[0] else None) for one in found]
+
+
+def _known(bodies: Iterable[bytes | None]) -> list[bytes]:
+    return [body for body in bodies if body is not None]
 
 
 async def _listen(stage: RealStage, one: GraphEndpoint) -> str:
@@ -177,48 +206,54 @@ async def _listen(stage: RealStage, one: GraphEndpoint) -> str:
         await subscription.close()
 
 
-async def _talk(stage: RealStage, one: GraphEndpoint) -> str:
+async def _send(
+    stage: RealStage, one: GraphEndpoint, target: GraphEndpoint | None, bodies: list[bytes]
+) -> str:
+    """Publish samples to its subscription `one`. If there is a `target`, it must return each."""
     schema = await stage.node.get_schema(one.type_name, one.type_hash)
     publisher = await stage.node.create_publisher(schema, one.topic, _offered(one.qos))
     try:
         await stage.within(
             publisher.wait_for_subscriptions(), f"its subscription on {one.topic} was not matched"
         )
-        for body in _bodies(schema):
+        if target is not None:
+            return await _return(stage, one, target, publisher, bodies)
+        for body in bodies:
             publisher.publish_encoded(body)
         route = await _route(stage, one)
         await stage.within(asyncio.sleep(_SETTLED_S), f"it did not survive samples on {one.topic}")
-        return f"{_SAMPLES} samples for {one.topic} by {route}"
+        return f"{len(bodies)} samples for {one.topic} by {route}"
     finally:
         await publisher.close()
 
 
-async def _relay(stage: RealStage, source: GraphEndpoint, target: GraphEndpoint) -> str:
-    schema = await stage.node.get_schema(source.type_name, source.type_hash)
+async def _return(
+    stage: RealStage,
+    one: GraphEndpoint,
+    target: GraphEndpoint,
+    publisher: Publisher[Any],
+    bodies: list[bytes],
+) -> str:
     subscription = await stage.node.create_subscription(None, target.topic, target.qos, raw=True)
-    publisher = await stage.node.create_publisher(schema, source.topic, _offered(source.qos))
     try:
-        await stage.within(
-            publisher.wait_for_subscriptions(), f"its subscription on {source.topic} was not matched"
-        )
         await stage.within(
             subscription.wait_for_publishers(), f"its publisher on {target.topic} was not matched"
         )
-        for number, body in enumerate(_bodies(schema), 1):
+        for number, body in enumerate(bodies, 1):
             publisher.publish_encoded(body)
             payload, _ = await stage.within(subscription.receive(), f"sample {number} did not come back")
             if bytes(payload) != body:
-                raise Wrong(f"sample {number} ({body.hex(' ')}) came back as {bytes(payload).hex(' ')}")
-        routes = f"{await _route(stage, source)} and {await _route(stage, target)}"
-        return f"{_SAMPLES} samples returned by {routes}"
+                raise Wrong(f"sample {number} ({_shown(body)}) came back as {_shown(bytes(payload))}")
+        routes = f"{await _route(stage, one)} and {await _route(stage, target)}"
+        return f"{len(bodies)} samples returned by {routes}"
     finally:
-        await publisher.close()
         await subscription.close()
 
 
-def _bodies(schema: MessageSchema) -> list[bytes]:
-    made = [payloads.make(schema, number) for number in range(1, _SAMPLES + 1)]
-    return [body for body in made if body is not None]
+def _shown(body: bytes) -> str:
+    """Its first bytes in hex, and its size if these are not all."""
+    most = 40
+    return body.hex(" ") if len(body) <= most else f"{body[:most].hex(' ')} ..., {len(body)} bytes"
 
 
 def _offered(requested: QoSProfile) -> QoSProfile:

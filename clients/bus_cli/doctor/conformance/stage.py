@@ -22,7 +22,7 @@ from bus.wire import messages as m
 from bus.wire.layout import CONTROL, FRAME_HEAD, FRAME_HEAD_BYTES, LENGTH_BYTES, PROTOCOL_VERSION
 from bus.wire.session import Carried, Role, Session
 from bus_cli.doctor.conformance.client import Client
-from bus_cli.doctor.conformance.conversation import Conversation, Wrong
+from bus_cli.doctor.conformance.conversation import USUAL, Conversation, Terms, Wrong
 
 __all__ = ["Ended", "Peer", "Stage"]
 
@@ -73,7 +73,7 @@ class Stage:
         for peer in self._peers:
             peer.close()
 
-    async def meet(self, *, lease_s: float = LEASE_S, is_cut: bool = False, refuses: str = "") -> "Peer":
+    async def meet(self, terms: Terms = USUAL, *, lease_s: float = LEASE_S, is_cut: bool = False) -> "Peer":
         """The client's next connection, after the exchange of Hellos.
 
         `is_cut`: all frames to it go byte by byte.
@@ -86,13 +86,13 @@ class Stage:
             text = f"it did not connect{again} within {self.wait_s:g} s to the socket in BUSD_SOCKET"
             raise Wrong(text) from None
         self._met += 1
-        peer.begin(Conversation(first_id, self._started_ns, refuses=refuses), lease_s, is_cut=is_cut)
+        peer.begin(Conversation(first_id, self._started_ns, terms), lease_s, is_cut=is_cut)
         await peer.until(lambda: peer.hello, "no Hello came")
         return peer
 
-    async def declared(self, **options: Any) -> "Peer":
+    async def declared(self, terms: Terms = USUAL, **options: Any) -> "Peer":
         """As `meet`, after the client has declared its endpoints."""
-        peer = await self.meet(**options)
+        peer = await self.meet(terms, **options)
         await peer.until(lambda: peer.talk.nodes, "no CreateNode came after busd's Hello")
         await peer.until(lambda: peer.talk.endpoints, "no endpoint was created")
         await peer.until(lambda: peer.is_settled, "its declarations never ended")

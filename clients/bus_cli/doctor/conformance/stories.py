@@ -12,7 +12,7 @@ import msgspec
 from bus.base.counted import counted
 from bus.wire import messages as m
 from bus_cli.doctor.conformance import payloads, real, services
-from bus_cli.doctor.conformance.conversation import Endpoint, LeftOut, Wrong, is_plain
+from bus_cli.doctor.conformance.conversation import Endpoint, LeftOut, Terms, Wrong, is_plain
 from bus_cli.doctor.conformance.options import RELAY
 from bus_cli.doctor.conformance.real import RealStage
 from bus_cli.doctor.conformance.stage import Ended, Peer, Stage
@@ -22,6 +22,10 @@ __all__ = ["STORIES", "Story"]
 _SAMPLES = 3
 _PING_LEASE_S = 1.0
 _TEXT = "this busd refuses the endpoint, to test its client"
+_WINDOW_SAMPLES = 3
+_REST_S = 1.5
+"""A publisher without credit sends nothing for this time."""
+_MOST_BYTES = 200
 
 
 class Story(NamedTuple):
@@ -115,7 +119,7 @@ async def _split(stage: Stage) -> str:
 
 
 async def _refusal(stage: Stage) -> str:
-    peer = await stage.meet(refuses=_TEXT)
+    peer = await stage.meet(Terms(refuses=_TEXT))
     try:
         await peer.until(lambda: peer.talk.refused, "it created no endpoint on a topic of its own")
         await peer.until(
@@ -134,6 +138,85 @@ async def _refusal(stage: Stage) -> str:
             raise Wrong(stage.client.end_in_words()) from None
         return f"printed the text; {stage.client.end_in_words()}"
     return "printed the text and continued"
+
+
+async def _events(stage: Stage) -> str:
+    peer = await stage.declared()
+    relay = _relay(peer)
+    told = []
+    for one in peer.talk.plain(publishers=False):
+        is_known = await _feed(peer, one, 2)
+        if is_known:
+            await _confirm(peer, one)
+        await peer.send(*_events_of(one), *peer.talk.replace_partner(one))
+        if is_known and await _feed(peer, one, 2):
+            told.append(f"{one.topic}: {await _confirm(peer, one)}")
+    for one in peer.talk.plain(publishers=True):
+        await peer.send(*_events_of(one), *peer.talk.replace_partner(one))
+        if relay is None or one is not relay[1]:
+            await _published(peer, one, one.last_seq + 1, "after another subscription had replaced the first")
+            told.append(f"{one.topic}: published to both subscriptions")
+    await peer.sign("after events")
+    return ", ".join(told) or "continued after events"
+
+
+def _events_of(one: Endpoint) -> list[m.Message]:
+    """All events of an endpoint in its first match."""
+    refused = m.Incompatible(
+        endpoint=one.id, topic=one.topic, node="/conformance", policy="RELIABILITY", text="a test"
+    )
+    if one.is_publisher:
+        return [refused, m.LivelinessLost(publisher=one.id)]
+    lives = [
+        m.LivelinessChanged(subscription=one.id, publisher=one.partner, alive=it) for it in (False, True)
+    ]
+    return [refused, *lives, m.Dropped(subscription=one.id, dropped={"replaced": 1})]
+
+
+async def _window(stage: Stage) -> str:
+    peer = await stage.declared(Terms(window_samples=_WINDOW_SAMPLES, gives_credit=False))
+    lossless = [one for one in peer.talk.plain(publishers=True) if one.qos.is_lossless]
+    if not lossless:
+        raise LeftOut("it has no publisher that is reliable and keep all")
+    for one in lossless:
+        await _fill_window(peer, one, "at its start")
+        await peer.send(peer.talk.give_credit(one))
+        await _fill_window(peer, one, f"after Credit for {one.credit}")
+    shown = ", ".join(one.topic for one in lossless)
+    return f"{shown}: never more than {_WINDOW_SAMPLES} samples without credit"
+
+
+async def _fill_window(peer: Peer, one: Endpoint, when: str) -> None:
+    """Let a publisher send as much as it may. If it sends more, the conversation raises Wrong."""
+    relay = _relay(peer)
+    if relay is not None and relay[1] is one:
+        await _feed(peer, relay[0], _WINDOW_SAMPLES + 1)
+    await _published(peer, one, one.credit + _WINDOW_SAMPLES, when)
+    await peer.listen(_REST_S)
+
+
+async def _published(peer: Peer, one: Endpoint, seq: int, when: str) -> None:
+    """Wait until a publisher has sent its sample `seq`."""
+    text = f"{one} did not send sample {seq} {when}; its last one was {one.last_seq}"
+    await peer.until(lambda: one.last_seq >= seq, text)
+
+
+async def _limit(stage: Stage) -> str:
+    peer = await stage.declared(Terms(max_message_bytes=_MOST_BYTES))
+    relay = _relay(peer)
+    if relay is None:
+        raise LeftOut(f"it does not publish on {RELAY[1]} the messages of {RELAY[0]}")
+    source, target = relay
+    bodies = [
+        payloads.make(source.schema, number, size) for number, size in ((1, 0), (2, _MOST_BYTES), (3, 0))
+    ]
+    known = [body for body in bodies if body is not None]
+    if len(known) < len(bodies):
+        raise LeftOut(f"no message of {_MOST_BYTES} bytes can be made of {source.schema.type_name}")
+    await peer.write(peer.talk.feed(source, known, monotonic_ns()))
+    what = f"it did not return the short message on {target.topic} that followed one of {len(known[1])} bytes"
+    await peer.until(lambda: known[2] in target.payloads, what)
+    return f"{target.topic}: no message above the limit of {_MOST_BYTES} bytes"
 
 
 async def _restart(stage: Stage) -> str:
@@ -257,8 +340,12 @@ STORIES: Mapping[str, Story] = {
     "unknown": Story(_unknown, "Versions"),
     "split": Story(_split, "Frames"),
     "refusal": Story(_refusal, "Errors and limits"),
+    "events": Story(_events, "From busd"),
+    "window": Story(_window, "Keep all"),
+    "limit": Story(_limit, "From busd"),
     "restart": Story(_restart, "When busd goes away"),
     "serve": Story(services.play_serve, "On the bus", page="docs/services.md"),
     "call": Story(services.play_call, "On the bus", page="docs/services.md"),
     "real": Story(real.play, "The least that a client does", RealStage),
+    "growth": Story(real.play_growth, "Growth", RealStage, "docs/ring.md"),
 }

@@ -11,7 +11,14 @@ from bus.types.support import type_support
 from bus.wire import messages as m
 from bus.wire.runs import Run
 from bus.wire.session import Role, Session
-from bus_cli.doctor.conformance.conversation import Conversation, Wrong, gid_of_partner, is_plain
+from bus_cli.doctor.conformance.conversation import (
+    USUAL,
+    Conversation,
+    Terms,
+    Wrong,
+    gid_of_partner,
+    is_plain,
+)
 from feeding import feed, frame_record
 from rows import for_each
 
@@ -43,9 +50,9 @@ def run(first_seq: int = 1, *stamps_ns: int, endpoint: int = 42, body: bytes = b
     return Run(endpoint, 0, first_seq, len(stamps_ns) or 1, records, only_for=only_for)
 
 
-def talk(*messages: Any, refuses: str = "") -> tuple[Conversation, list[m.Message]]:
+def talk(*messages: Any, terms: Terms = USUAL) -> tuple[Conversation, list[m.Message]]:
     """A conversation after these messages, and the answers to all."""
-    one = Conversation(41, STARTED_NS, refuses=refuses)
+    one = Conversation(41, STARTED_NS, terms)
     answers = [
         answer
         for message in (m.CreateNode(request=1, name="n"), *messages)
@@ -96,8 +103,47 @@ def test_samples_for_a_subscription() -> None:
     assert one.endpoints[42].acknowledged == 6
 
 
+def test_the_window_of_a_lossless_publisher() -> None:
+    qos, terms = QoSProfile(history="keep_all"), Terms(window_samples=3, gives_credit=False)
+    one, answers = talk(TYPE, publisher(qos=qos, next_seq=5), run(5), run(6), run(7), terms=terms)
+    created = next(answer for answer in answers if isinstance(answer, m.Created) and answer.id == 42)
+    assert (created.window_samples, type(answers[-1])) == (3, m.Matched)
+    assert one.give_credit(one.endpoints[42]) == m.Credit(publisher=42, seq=7)
+    one.hear(run(8, NOW_NS, NOW_NS, NOW_NS), NOW_NS)
+    with pytest.raises(Wrong, match=r"sent sample 11; its credit is 7, and window_samples of Created is 3"):
+        one.hear(run(11), NOW_NS)
+
+
+def test_the_window_is_of_lossless_publishers_only() -> None:
+    one, _ = talk(TYPE, publisher(), run(1), run(2), terms=Terms(window_samples=1, gives_credit=False))
+    assert one.endpoints[42].samples == 2
+
+
+def test_terms_are_for_topics_of_users_only() -> None:
+    ends = (publisher(2, topic="/rosout"), publisher(3, OTHER_GID))
+    _, answers = talk(TYPE, *ends, terms=Terms(max_message_bytes=200))
+    created = [answer for answer in answers if isinstance(answer, m.Created)]
+    assert [answer.max_message_bytes for answer in created] == [0, 1 << 20, 200]
+
+
+def test_another_endpoint_replaces_the_partner() -> None:
+    one, _ = talk(TYPE, subscription(2, qos=QoSProfile(history="keep_all")))
+    end = one.endpoints[42]
+    one.feed(end, [b"\x91\xa1a"], NOW_NS)
+    one.hear(m.Ack(subscription=42, source=43, seq=1), NOW_NS)
+    unmatched, matched = one.replace_partner(end)
+    assert isinstance(unmatched, m.Unmatched) and isinstance(matched, m.Matched)
+    assert (unmatched.endpoint, unmatched.other, unmatched.last_seq) == (42, 43, 1)
+    assert (matched.endpoint, matched.other, matched.next_seq) == (42, 44, 1)
+    assert matched.gid == gid_of_partner("/topic", 2) != gid_of_partner("/topic")
+    assert (end.samples, end.last_seq, end.acknowledged) == (1, 0, 0)
+    with pytest.raises(Wrong, match="Ack names source 43; the publisher of"):
+        one.hear(m.Ack(subscription=42, source=43, seq=1), NOW_NS)
+
+
 def test_only_endpoints_on_topics_of_users_are_refused() -> None:
-    one, answers = talk(TYPE, publisher(2, topic="/rosout"), publisher(3, OTHER_GID), refuses="no")
+    terms = Terms(refuses="no")
+    one, answers = talk(TYPE, publisher(2, topic="/rosout"), publisher(3, OTHER_GID), terms=terms)
     assert answers[-1] == m.Refused(request=3, text="no")
     assert (one.refused, [end.topic for end in one.endpoints.values()]) == (1, ["/rosout"])
 

@@ -33,6 +33,12 @@ def test_a_type_without_such_a_field_has_one_message() -> None:
     assert make(MessageSchema.of(Twist), 1) is not None
 
 
+def test_a_text_of_a_length() -> None:
+    body = make(MessageSchema.of(String), 3, 200)
+    assert body is not None and msgspec.msgpack.decode(body) == ["message 3".ljust(200, ".")]
+    assert make(MessageSchema.of(Int32), 3, 200) is None
+
+
 def test_a_type_without_a_schema_is_known_by_its_hash() -> None:
     assert make(without_schema(Int32), 3) == b"\x91\x03"
     other = msgspec.structs.replace(without_schema(Int32), type_hash="RIHS01_00")
