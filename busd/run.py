@@ -190,8 +190,8 @@ async def _serve(
         loop.add_signal_handler(number, server.stop_now, number.name)
 
     def apply(config: Config) -> None:
+        listener.let_in(config.socket)  # first, because it may raise
         _set_up_log(options, config, listener.path)
-        listener.let_in(config.socket)
         server.reconfigure(config.limits, config.topics, Access(own, config.access))
 
     def reload(*, is_asked: bool = False) -> str:

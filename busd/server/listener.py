@@ -222,7 +222,11 @@ def _bind(path: Path, rights: SocketRights | None) -> socket.socket:
 
 
 def _let_in(path: Path, rights: SocketRights | None) -> None:
-    """Raises ConfigurationError if this process may not give the socket to that group."""
+    """Set the mode and the group of the socket.
+
+    Raises ConfigurationError if this process may not give it to that group. Then nothing changes.
+    """
+    mode = stat.S_IMODE(path.stat().st_mode)
     path.chmod(0o600)  # the group comes first: never another one, not for a moment
     if rights is None:
         return
@@ -231,6 +235,7 @@ def _let_in(path: Path, rights: SocketRights | None) -> None:
         try:
             os.chown(path, -1, gid, follow_symlinks=False)
         except PermissionError:
+            path.chmod(mode)
             raise ConfigurationError(
                 f"socket.group = {rights.group!r}: this user is not in that group, so busd can't give it "
                 f"'{path}'; add the user to the group, or leave it out"

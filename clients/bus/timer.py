@@ -4,7 +4,7 @@ import asyncio
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from bus.base.callbacks import callback_name, is_async, refuse_coroutine
+from bus.base.callbacks import call_async, callback_name, is_async, refuse_coroutine
 from bus.clock import Clock
 from bus.errors import ConfigurationError
 
@@ -165,7 +165,7 @@ class Timer:
 
     async def _run(self) -> None:
         try:
-            await self._callback()
+            await call_async(self._callback)
         except Exception as error:
             self._on_error(error)
 

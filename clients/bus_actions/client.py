@@ -288,7 +288,10 @@ class ActionClient:
         self._counts["sent"] += 1
         outcome = await sent.answer
         if isinstance(outcome, CallLost):
-            raise ActionUnavailable(self.name, "busd has ended meanwhile, and the goal or its answer is lost")
+            raise ActionUnavailable(
+                self.name,
+                "busd, or a connection to it, has ended meanwhile, and the goal or its answer is lost",
+            )
         if isinstance(outcome, ServiceUnavailable):
             raise ActionUnavailable(self.name, "its server has left before it answered")
         if isinstance(outcome, BusError):
@@ -318,13 +321,13 @@ class ActionClient:
             self._counts["accepted"] += 1
             goal.status = max(goal.status, GoalStatus.ACCEPTED)
             if sent.answer.cancelled():
-                self._request_cancel(goal.id)
+                self._cancel_unwanted(goal.id)
             self._request_result(goal)
         else:
             self._counts["rejected"] += not isinstance(outcome, BusError)
             del self._goals[goal.id]
             if isinstance(outcome, CallLost):  # perhaps the server accepted it, unknown to this client
-                self._request_cancel(goal.id)
+                self._cancel_unwanted(goal.id)
         if not sent.answer.done():
             sent.answer.set_result(outcome)
 
@@ -350,6 +353,18 @@ class ActionClient:
         support = self._support
         info = support.goal_info(goal_id=support.goal_id(goal_id))
         return self._opened().cancel.send_request(support.cancel_goal.Request(goal_info=info))
+
+    def _cancel_unwanted(self, goal_id: bytes) -> None:
+        """Request the end of a goal for which no call waits. If that fails, the goal continues."""
+        try:
+            number = self._request_cancel(goal_id)
+        except BusError as error:
+            number, reason = 0, f": {error}"
+        else:
+            reason = ": there is no room for the request"
+        if not number:
+            text = f"goal {goal_id.hex()} of action '{self.name}' can't be canceled{reason}"
+            self._node.get_logger().warning(text)
 
     async def _cancel(self, goal_id: bytes) -> Any:
         while isinstance(outcome := await self._ask_to_cancel(goal_id), CallLost):

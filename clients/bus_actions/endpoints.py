@@ -4,13 +4,15 @@ Owns: their names and policies, and the order in which they appear: a program th
 of them. Knows no goals: its maker passes a callback for each message.
 """
 
+import asyncio
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any, Final
 
 import msgspec
 
 from bus.endpoint.endpoint import core_of
-from bus.errors import BusError
+from bus.errors import BusError, ConnectionClosed
 from bus.node import SERVICE_QOS, Node
 from bus.publisher import Publisher
 from bus.qos import QoSProfile, action_status_default
@@ -54,6 +56,10 @@ class ServerEndpoints:
     feedback: Publisher[Any]
     status: Publisher[Any]
 
+    def __init__(self) -> None:
+        self._late: set[asyncio.Task[None]] = set()
+        """Answers that wait for room. The services bound their number."""
+
     async def open(
         self,
         node: Node,
@@ -95,10 +101,20 @@ class ServerEndpoints:
         """The full name."""
         return self.goal.service_name.removesuffix(f"{_HIDDEN}send_goal")
 
+    def answer(self, service: ServiceServer, request_id: RequestId, response: Any, error: str = "") -> None:
+        """As `respond` of the service. If there is no room (QoS keep all), the answer follows later."""
+        if not service.respond(request_id, response, error):
+            late = asyncio.create_task(
+                _answer_late(service, request_id, response, error),
+                name=f"an answer of {service.service_name}",
+            )
+            self._late.add(late)
+            late.add_done_callback(self._late.discard)
+
     def answer_result(self, request_id: RequestId, response: Any, error: str = "") -> None:
-        """As `respond` of the service, after the feedback that was published before."""
+        """As `answer`, after the feedback that was published before."""
         core_of(self.feedback).hand_over()  # by the socket it would wait for the end of this turn
-        self.result.respond(request_id, response, error)
+        self.answer(self.result, request_id, response, error)
 
     async def close(self) -> None:
         await _close(self, ("goal", "cancel", "result", "feedback", "status"))
@@ -173,6 +189,13 @@ class ClientEndpoints:
 
     async def close(self) -> None:
         await _close(self, ("goal", "cancel", "result", "feedback", "status"))
+
+
+async def _answer_late(service: ServiceServer, request_id: RequestId, response: Any, error: str) -> None:
+    with suppress(ConnectionClosed):
+        await service.wait_for_room()
+        while not service.respond(request_id, response, error):
+            await service.wait_for_room()
 
 
 async def _close(ends: ServerEndpoints | ClientEndpoints, names: tuple[str, ...]) -> None:

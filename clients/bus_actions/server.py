@@ -14,7 +14,7 @@ from typing import Any, Final, Literal, Self
 import msgspec
 
 from bus.base.awaited import done_anyway, to_be_awaited
-from bus.base.callbacks import is_async
+from bus.base.callbacks import call_async, is_async
 from bus.diagnostics.slow_callback import watched
 from bus.errors import (
     BusError,
@@ -37,6 +37,7 @@ from bus_actions.goal_table import CancelCode, Goal, GoalExists, GoalTable, TooM
 __all__ = ["ActionServer", "ActionServerStatistics", "ServerGoal"]
 
 _MOST_WAITING: Final = 1000
+_LONGEST_S: Final = 1e9
 """The most requests that may wait for the result of one goal."""
 _NS: Final = 1_000_000_000
 
@@ -154,8 +155,8 @@ class ActionServer:
     still yields a Result, that is the result until then.
 
     Up to `at_once` goals are executed concurrently; the others wait in order. Results are kept for
-    `result_timeout` seconds, at most 1000 results. Raises ConfigurationError for a bad name or `at_once`
-    below 1, MessageTypeError if the class does not define an action.
+    `result_timeout` seconds, at most 1000 results. Raises ConfigurationError for a bad name, `at_once` below
+    1 or `result_timeout` below 0, MessageTypeError if the class does not define an action.
 
         async with bus.Node("counter") as node, ActionServer(node, Count, "count", execute):
             await node.spin()
@@ -177,6 +178,8 @@ class ActionServer:
         validate_topic_name(name)
         if at_once < 1:
             raise ConfigurationError(f"at_once must be at least 1, not {at_once}: no goal would be executed")
+        if not result_timeout >= 0:
+            raise ConfigurationError(f"result_timeout must be at least 0 s, not {result_timeout}")
         self.name = name
         """The action's name as it was given; the full one once it is open."""
         self.type: Any = action_type
@@ -188,7 +191,7 @@ class ActionServer:
         self._goal_callback = goal_callback and watched(goal_callback, what, logger)
         self._cancel_callback = cancel_callback and watched(cancel_callback, what, logger)
         self._qos = qos or ActionQoS()
-        self._table = GoalTable(round(result_timeout * _NS))
+        self._table = GoalTable(round(min(result_timeout, _LONGEST_S) * _NS))
         self._goals: dict[bytes, ServerGoal] = {}
         self._executions = Executions(at_once, self._begin, self._settle_unfinished)
         self._early: list[tuple[Callable[[Any, RequestId], Any], Any, RequestId]] = []
@@ -215,17 +218,22 @@ class ActionServer:
 
         Raises the errors of `Node.create_service`. After a cancellation it is not open.
         """
+        self._is_stopped = False
         ends = ServerEndpoints()
-        await ends.open(
-            self._node,
-            self._support,
-            self.name,
-            self._qos,
-            on_goal=self._take_goal_async if _is_async(self._goal_callback) else self._take_goal,
-            on_cancel=self._take_cancel_async if _is_async(self._cancel_callback) else self._take_cancel,
-            on_result=self._take_result,
-            on_end=self._stop,
-        )
+        try:
+            await ends.open(
+                self._node,
+                self._support,
+                self.name,
+                self._qos,
+                on_goal=self._take_goal_async if _is_async(self._goal_callback) else self._take_goal,
+                on_cancel=self._take_cancel_async if _is_async(self._cancel_callback) else self._take_cancel,
+                on_result=self._take_result,
+                on_end=self._stop,
+            )
+        except BaseException:
+            self._early.clear()
+            raise
         self._ends = ends
         self.name = ends.action_name
         early, self._early = self._early, []
@@ -236,6 +244,9 @@ class ActionServer:
                     await outcome
             except Exception as error:
                 self._node._fail(error)
+            except BaseException:
+                await self.close()
+                raise
 
     @done_anyway
     async def close(self) -> None:
@@ -295,7 +306,7 @@ class ActionServer:
         assert self._goal_callback is not None
         is_new = self._table.find(bytes(request.goal_id.uuid)) is None
         with self._telling("goal", request_id):
-            is_wanted = is_new and bool(await self._goal_callback(request.goal))
+            is_wanted = is_new and bool(await call_async(self._goal_callback, request.goal))
         self._answer_goal(request, request_id, is_wanted=is_wanted)
 
     @contextmanager
@@ -307,7 +318,7 @@ class ActionServer:
         except Exception as error:
             if self._ends is not None:
                 service = self._ends.goal if end == "goal" else self._ends.cancel
-                service.respond(request_id, None, f"{type(error).__name__}: {error}")
+                self._ends.answer(service, request_id, None, f"{type(error).__name__}: {error}")
             raise
 
     def _answer_goal(self, request: Any, request_id: RequestId, *, is_wanted: bool) -> None:
@@ -325,12 +336,12 @@ class ActionServer:
                 self._node.get_logger().warning(f"action '{self.name}' rejects a goal: {error}")
         if record is None:
             self._counts["rejected"] += 1
-            self._ends.goal.respond(request_id, response)
+            self._ends.answer(self._ends.goal, request_id, response)
             return
         self._counts["accepted"] += 1
         response.accepted = True
         response.stamp.sec, response.stamp.nanosec = divmod(record.stamp_ns, _NS)
-        self._ends.goal.respond(request_id, response)
+        self._ends.answer(self._ends.goal, request_id, response)
         goal = self._goals[record.id] = ServerGoal(self, record, request.goal)
         self._publish_status()
         self._executions.add(goal)
@@ -425,7 +436,7 @@ class ActionServer:
         assert self._cancel_callback is not None
         code, asked = self._find_canceled(request)
         with self._telling("cancel", request_id):
-            agreed = [one for one in asked if await self._cancel_callback(one)]
+            agreed = [one for one in asked if await call_async(self._cancel_callback, one)]
         self._answer_cancel(request_id, CancelCode.REJECTED if asked and not agreed else code, agreed)
 
     def _find_canceled(self, request: Any) -> tuple[CancelCode, list[ServerGoal]]:
@@ -440,7 +451,7 @@ class ActionServer:
         canceled = [goal for goal in goals if goal.status in (GoalStatus.ACCEPTED, GoalStatus.EXECUTING)]
         response.goals_canceling = [self._support.info_of(goal._record) for goal in canceled]
         if self._ends is not None:
-            self._ends.cancel.respond(request_id, response)
+            self._ends.answer(self._ends.cancel, request_id, response)
         for goal in canceled:
             self._advance(goal, GoalEvent.CANCEL_GOAL)
             if not self._executions.cancel(goal):
@@ -459,7 +470,7 @@ class ActionServer:
             self._send_result(request_id, goal._response)
         elif len(goal._waiting) >= _MOST_WAITING and self._ends is not None:
             text = f"{_MOST_WAITING} requests wait for the result of goal {goal.id.hex()} already"
-            self._ends.result.respond(request_id, None, text)
+            self._ends.answer(self._ends.result, request_id, None, text)
         else:
             goal._waiting.append(request_id)
 
@@ -471,7 +482,7 @@ class ActionServer:
         except ConnectionClosed:
             pass
         except PayloadTooLarge as error:
-            self._ends.result.respond(request_id, None, f"{type(error).__name__}: {error}")
+            self._ends.answer(self._ends.result, request_id, None, f"{type(error).__name__}: {error}")
             self._node.get_logger().warning(f"no result of action '{self.name}' to one request: {error}")
 
     def _expire(self) -> None:

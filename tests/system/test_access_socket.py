@@ -2,6 +2,7 @@
 
 import os
 import shutil
+import signal
 import socket
 import stat
 import subprocess
@@ -64,6 +65,17 @@ def test_a_group_of_others_can_not_be_given(folder: Path) -> None:
     assert ended.returncode == 1
     assert f"socket.group = {TEAM}: this user is not in that group" in ended.stderr
     assert not [path.name for path in folder.iterdir() if path != config]
+
+
+def test_a_wrong_group_in_a_reload_changes_nothing(guests: Callable[..., Guests]) -> None:
+    busd = guests(ANYBODY, socket=f"mode = 0o660\ngroup = {TEAM}")
+    busd._socket = f"mode = 0o666\ngroup = {GUEST}"
+    busd.write(ANYBODY)
+    busd.process.send_signal(signal.SIGHUP)
+    busd.wait_for_log(f"socket.group = {GUEST}: this user is not in that group")
+    found = busd.path.stat()
+    assert (stat.S_IMODE(found.st_mode), found.st_gid) == (0o660, TEAM)
+    assert can_connect(busd.path, GUEST, TEAM)
 
 
 def test_an_open_door_behind_which_nobody_may_do_anything_is_logged(guests: Callable[..., Guests]) -> None:

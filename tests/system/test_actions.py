@@ -419,7 +419,10 @@ class TestBadEnds:
                 sending = asyncio.ensure_future(client.send_goal(Count.Goal()))
                 await until(lambda: client.statistics().sent == 1)
             if route == "socket":
-                with pytest.raises(ActionUnavailable, match="busd has ended meanwhile, and the goal or its"):
+                with pytest.raises(
+                    ActionUnavailable,
+                    match="busd, or a connection to it, has ended meanwhile, and the goal or its",
+                ):
                     await sending
                 assert not server.goals
             else:

@@ -14,7 +14,7 @@ import pytest
 import bus
 import bus.link.autostart
 from bus.msg.std_msgs import Int32
-from conftest import WAIT_S
+from conftest import WAIT_S, open_descriptors
 from effort import examples
 from neighbours import wait_until
 from semantics import until
@@ -158,6 +158,16 @@ async def test_not_where_it_is_turned_off(path: Path, monkeypatch: pytest.Monkey
         " (or let programs start it: unset BUSD_AUTOSTART)"
     )
     assert not daemons(path)
+
+
+async def test_a_failed_start_leaves_no_descriptor(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A program may try again for ever in one event loop."""
+    monkeypatch.setenv("BUSD_AUTOSTART", "0")
+    before = open_descriptors()
+    for _ in range(3):
+        with pytest.raises(bus.BrokerUnavailable):
+            await bus.Node("alone", arguments=[]).open()
+    assert open_descriptors() == before
 
 
 async def test_in_a_folder_that_is_not_there_yet(

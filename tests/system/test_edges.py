@@ -3,6 +3,7 @@
 import asyncio
 import threading
 import time
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -141,6 +142,51 @@ class TestCallbacks:
             await until(lambda: len(heard) == 3)
             await node.close()
         assert errors
+
+    @pytest.mark.parametrize("with_info", [False, True])
+    async def test_an_async_callback_that_awaited_a_cancelled_task_is_called_again(
+        self, daemon: Daemon, with_info: bool
+    ) -> None:
+        """A CancelledError of the callback must not end the task that calls back."""
+        errors: list[Any] = []
+        heard: list[int] = []
+        cancelled = asyncio.ensure_future(asyncio.sleep(1000))
+        cancelled.cancel()
+
+        async def callback(message: Int32) -> None:
+            heard.append(message.data)
+            await cancelled
+
+        async def callback_with_info(message: Int32, info: bus.MessageInfo) -> None:
+            await callback(message)
+
+        asyncio.get_running_loop().set_exception_handler(lambda loop, context: errors.append(context))
+        node = bus.Node("lone", arguments=[])
+        async with asyncio.timeout(WAIT_S):
+            await node.open()
+            await node.create_subscription(Int32, "t", 10, callback_with_info if with_info else callback)
+            publisher = await node.create_publisher(Int32, "t", 10)
+            for number in range(3):
+                publisher.publish(Int32(data=number))
+            await until(lambda: len(heard) == 3)
+            await node.close()
+        assert [str(context["exception"]).endswith("awaited a cancelled task") for context in errors] == [
+            True
+        ] * 3
+
+    async def test_a_node_that_is_entered_again_after_an_error(self, daemon: Daemon) -> None:
+        node = bus.Node("twice", arguments=[])
+
+        def fail(text: str) -> None:
+            raise ValueError(text)
+
+        for text in ("first", "second"):
+            with pytest.raises(ValueError, match=text):
+                async with asyncio.timeout(WAIT_S), node:
+                    node.create_timer(0.001, partial(fail, text))
+                    await node.spin()
+        async with asyncio.timeout(WAIT_S), node:
+            pass
 
 
 class TestTaking:

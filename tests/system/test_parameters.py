@@ -324,8 +324,9 @@ class TestServices:
         await wheels.declare_parameter("speed", 1.5)
         await wheels.close()
         await wheels.open()
-        await wheels.declare_parameter("gain", 1)
         assert await set_remotely(node, "wheels", speed=2.5) == [(True, "")]
+        await wheels.declare_parameter("gain", 1)
+        assert await set_remotely(node, "wheels", gain=2) == [(True, "")]
 
 
 # Sets a parameter of the native node, and waits until the native node has set one of the client's.

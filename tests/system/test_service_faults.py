@@ -116,6 +116,22 @@ class TestFaults:
         assert str(caught.value) == "service '/add' failed: LookupError: no such number"
         assert client.statistics().errors == 1
 
+    async def test_a_callback_that_awaited_a_cancelled_task(self, daemon: Daemon, other: bus.Node) -> None:
+        async def wait_for_cancelled(request: Any) -> Any:
+            work = asyncio.ensure_future(asyncio.sleep(1000))
+            work.cancel()
+            await work
+
+        client = await other.create_client(AddTwoInts, "add")
+        with pytest.raises(RuntimeError, match="awaited a cancelled task"):
+            async with bus.Node("server", arguments=[]) as server:
+                await server.create_service(AddTwoInts, "add", wait_for_cancelled)
+                await client.wait_for_service()
+                call = asyncio.ensure_future(client.call(asked(1)))
+                await server.spin()
+        with pytest.raises(bus.ServiceError, match=r"RuntimeError: callback .*awaited a cancelled task"):
+            await call
+
     @pytest.mark.parametrize("is_awaited", [False, True])
     async def test_a_wrong_response(self, daemon: Daemon, other: bus.Node, is_awaited: bool) -> None:
         async def answer_later(request: Any) -> Any:
@@ -360,7 +376,10 @@ class TestLostWithBusd:
         daemon.kill()
         daemon.restart()
         if route == "socket":
-            with pytest.raises(bus.ServiceUnavailable, match="busd has ended meanwhile, and the request or"):
+            with pytest.raises(
+                bus.ServiceUnavailable,
+                match="busd, or a connection to it, has ended meanwhile, and the request or",
+            ):
                 await call
             assert not held
         else:
@@ -377,7 +396,9 @@ class TestLostWithBusd:
         daemon.kill()
         daemon.restart()
         if route == "socket":
-            with pytest.raises(bus.ServiceUnavailable, match="busd has ended meanwhile"):
+            with pytest.raises(
+                bus.ServiceUnavailable, match="busd, or a connection to it, has ended meanwhile"
+            ):
                 await call
         else:
             assert (await call).sum == 1
@@ -407,7 +428,10 @@ class TestLostWithBusd:
         denials = forget_calls(service, monkeypatch, lost=2)
         daemon.kill()
         daemon.restart()
-        with pytest.raises(bus.ServiceUnavailable, match="busd has ended meanwhile, and the request or"):
+        with pytest.raises(
+            bus.ServiceUnavailable,
+            match="busd, or a connection to it, has ended meanwhile, and the request or",
+        ):
             async with asyncio.timeout(SOON_S):
                 await call
         assert denials[:3] == 3 * held

@@ -46,19 +46,29 @@ class ListService:
         self.on_request = on_request
         self.answers: list[tuple[RequestId, Any]] = []
         self.is_closed = False
+        self.has_room = asyncio.Event()
+        self.has_room.set()
         self._requests = self
         self._core = self
         self.on_end: Callable[[BusError], object] | None = None
         self._world = world
 
     def respond(self, request_id: RequestId, response: Any, error: str = "") -> bool:
+        if not self.has_room.is_set():
+            return False
         outcome = ServiceError(self.service_name, error) if error else response
         self.answers.append((request_id, outcome))
         self._world.send(self._world.answer, request_id, self.service_name, outcome)
         return True
 
+    async def wait_for_room(self) -> None:
+        await self.has_room.wait()
+        if self.is_closed:
+            raise ConnectionClosed("the service is closed")
+
     async def close(self) -> None:
         self.is_closed = True
+        self.has_room.set()
         self._world.services.pop(self.service_name, None)
 
 

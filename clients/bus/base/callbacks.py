@@ -1,15 +1,17 @@
 """Properties of a user's callback: its name, whether it must be awaited, whether it takes a message's
-info."""
+info; and the call of one that must be awaited."""
 
+import asyncio
 import inspect  # slow to load, so its names are only used if necessary
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from functools import partial
 from types import CoroutineType, FunctionType, MethodType
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 from bus.base.awaited import is_to_be_awaited
 
 __all__ = [
+    "call_async",
     "callback_name",
     "callback_place",
     "ignore",
@@ -19,9 +21,27 @@ __all__ = [
     "takes_info",
 ]
 
+R = TypeVar("R")
+
 _HAS_REST: Final = 0x04
 _IS_COROUTINE: Final = 0x80
 """Flags of a function's code: it has `*args`; it is an `async def`."""
+
+
+async def call_async(callback: Callable[..., Awaitable[R]], *arguments: object) -> R:
+    """Call a callback, and await its result.
+
+    Raises RuntimeError if it awaited a cancelled task: its CancelledError would silently end the task that
+    calls back, though the program has not cancelled that task.
+    """
+    try:
+        return await callback(*arguments)
+    except asyncio.CancelledError as error:
+        task = asyncio.current_task()
+        if task is None or task.cancelling():
+            raise
+        text = f"callback {callback_name(callback)}{callback_place(callback)} awaited a cancelled task"
+        raise RuntimeError(text) from error
 
 
 def callback_name(callback: Callable[..., object]) -> str:

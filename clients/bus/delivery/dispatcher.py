@@ -8,7 +8,7 @@ from collections.abc import Awaitable, Callable
 from time import monotonic_ns
 from typing import Any, Generic, TypeVar
 
-from bus.base.callbacks import is_async, refuse_coroutine, takes_info
+from bus.base.callbacks import call_async, is_async, refuse_coroutine, takes_info
 from bus.delivery.port import Port
 from bus.delivery.receiver import Receiver, Taken
 from bus.diagnostics.slow_callback import SLOW_NS
@@ -196,7 +196,9 @@ class Dispatcher(Generic[M]):
             except ConnectionClosed:
                 return
             try:
-                await (callback(message, info) if self._wants_info else callback(message))
+                await (
+                    call_async(callback, message, info) if self._wants_info else call_async(callback, message)
+                )
             except Exception as error:
                 self._on_error(error)
 

@@ -67,6 +67,8 @@ class Connecting:
             await self._connect_first()
         except BaseException as error:
             self._link.failure = error if isinstance(error, BusError) else BrokerUnavailable(str(error))
+            if self._link.shm_context is not None:  # the event loop would keep it until the loop's end
+                self._link.shm_context.close()
             raise
         finally:
             self.opening = None

@@ -149,6 +149,7 @@ class Declarations:
         self._namesakes: set[str] = set()
         """Names of nodes with a logged warning that another node has the same name."""
         self._retry: asyncio.Task[None] | None = None
+        self._retry_timer: asyncio.TimerHandle | None = None
         self._on_lease = on_lease
         self._held: dict[LinkNode, object] = {}
         """Owners of nodes that the collector must keep, even without other references."""
@@ -282,6 +283,9 @@ class Declarations:
 
     def disconnected(self) -> None:
         """Note that the broker is gone, and with it all ids."""
+        if self._retry_timer is not None:  # its requests would have numbers of the next connection
+            self._retry_timer.cancel()
+            self._retry_timer = None
         self._admissions.clear()
         self._waiting.clear()
         self.by_id.clear()
@@ -307,7 +311,7 @@ class Declarations:
             if self._waiting:
                 self._retry = loop.create_task(self._ask_again(connection), name="ask busd for room again")
 
-        loop.call_later(AGAIN_S, begin)
+        self._retry_timer = loop.call_later(AGAIN_S, begin)
 
     async def _ask_again(self, connection: Connection) -> None:
         try:

@@ -76,7 +76,7 @@ class Link(LoopCalls):
     def __init__(self, path: str) -> None:
         super().__init__()
         self.path = path
-        self.wall_offset_ns = time_ns() - monotonic_ns()
+        self.wall_offset_ns = _wall_offset_ns()
         self.last_sent_ns = 0  # time of the last frame sent at once, without gathering
         self.failure: BusError | None = None
         self._users = 0
@@ -326,7 +326,7 @@ class Link(LoopCalls):
 
     def _report(self, endpoint: Counted, frames: bytes) -> None:
         now_ns = monotonic_ns()
-        self.wall_offset_ns = time_ns() - now_ns  # the wall clock may have been set
+        self.wall_offset_ns = _wall_offset_ns(self.wall_offset_ns)  # the wall clock may have been set
         if (connection := self.connection) is not None:
             if now_ns > connection.late_ns:
                 connection.note_standstill(now_ns)
@@ -338,6 +338,18 @@ class Link(LoopCalls):
         if connection is not None and (most_s := connection.hello.lease_s):
             shortest_s = self._declarations.shortest_lease_s() or most_s
             connection.beat(max(min(shortest_s, most_s) / 3, _SHORTEST_BEAT_S))
+
+
+def _wall_offset_ns(known_ns: int | None = None) -> int:
+    """How far the wall clock is ahead of the monotonic one; `known_ns`, if that may still be right.
+
+    A process switch between the readings must not look like a change of the wall clock: the times of
+    received messages would decrease later.
+    """
+    before_ns, wall_ns, after_ns = monotonic_ns(), time_ns(), monotonic_ns()
+    if known_ns is not None and wall_ns - after_ns <= known_ns <= wall_ns - before_ns:
+        return known_ns
+    return wall_ns - (before_ns + after_ns) // 2
 
 
 def _is_thread(number: int) -> Callable[[], bool]:

@@ -196,10 +196,11 @@ class Node(ParameterHost, GraphHost):
     ) -> None:
         body, self._body = self._body, None
         await self.close()
-        if self._error is not None and isinstance(error, asyncio.CancelledError | None):
+        failure, self._error = self._error, None  # the node may be entered again
+        if failure is not None and isinstance(error, asyncio.CancelledError | None):
             if error is not None and body is not None:
                 body.uncancel()
-            raise self._error
+            raise failure
 
     @overload
     async def create_publisher(

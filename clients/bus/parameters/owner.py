@@ -8,7 +8,8 @@ from bus.logger import Logger
 from bus.publisher import Publisher
 from bus.qos import QoS
 
-if TYPE_CHECKING:  # few programs need it
+if TYPE_CHECKING:  # few programs need them
+    from bus.service.server import ServiceServer
     from bus.subscription import Subscription
 
 __all__ = ["ParameterOwner"]
@@ -24,7 +25,7 @@ class ParameterOwner(Protocol):
 
     def create_service(
         self, service_type: type[Any], name: str, callback: Callable[..., Any]
-    ) -> Awaitable[object]: ...
+    ) -> "Awaitable[ServiceServer]": ...
 
     def create_subscription(
         self, message_type: type[Any], topic: str, qos: QoS, callback: Callable[[Any], object]

@@ -44,6 +44,8 @@ class ServedParameters:
         self._server: ParameterServer | None = None
         self._time_source: TimeSource | None = None
         self._starting: asyncio.Task[None] | None = None
+        self._has_served = False
+        """A node that is opened again still has its parameters."""
         self._is_open = False
         if settings:
             from bus.parameters import file
@@ -68,7 +70,7 @@ class ServedParameters:
     async def open(self) -> None:
         """Start, now that the node is in the graph."""
         self._is_open = True
-        if self._overrides:
+        if self._overrides or self._has_served:
             await self.serve()
         if self._parameters is not None:
             self._follow_time(self._parameters.below("").get(_USE_SIM_TIME))
@@ -135,8 +137,13 @@ class ServedParameters:
         except AccessDenied as denied:
             self._node.get_logger().warning(f"changes of parameters are told to nobody: {denied}")
         server = ParameterServer(self._node, self.parameters, self.clock, events)
-        await server.open()
-        self._server = server
+        try:
+            await server.open()
+        except BaseException:
+            if events is not None:
+                await events.close()
+            raise
+        self._server, self._has_served = server, True
 
     def _notify(self, change: "Change[Any]") -> None:
         if self._server is not None:

@@ -7,6 +7,7 @@ error here.
 """
 
 from collections.abc import Callable, Iterable
+from contextlib import AsyncExitStack
 from typing import Any, Final
 
 from bus.clock import Clock
@@ -49,7 +50,10 @@ class ParameterServer:
         self._events = events
 
     async def open(self) -> None:
-        """Create the services. If access rules forbid them, log that, and continue without them."""
+        """Create the services. If access rules forbid them, log that, and continue without them.
+
+        After another error, or a cancellation, none is left.
+        """
         callbacks: dict[str, Callable[[Any], Any]] = {
             "DescribeParameters": self._describe,
             "GetParameterTypes": self._get_types,
@@ -58,15 +62,20 @@ class ParameterServer:
             "SetParameters": self._set,
             "SetParametersAtomically": self._set_atomically,
         }
-        try:
-            for name, topic in SERVICES.items():
-                await self._node.create_service(
-                    service_class(f"rcl_interfaces/srv/{name}"),
-                    f"{self._node.full_name}/{topic}",
-                    callbacks[name],
+        async with AsyncExitStack() as undoing:
+            try:
+                for name, topic in SERVICES.items():
+                    service = await self._node.create_service(
+                        service_class(f"rcl_interfaces/srv/{name}"),
+                        f"{self._node.full_name}/{topic}",
+                        callbacks[name],
+                    )
+                    undoing.push_async_callback(service.close)
+            except AccessDenied as denied:
+                self._node.get_logger().warning(
+                    f"nobody else can read or set this node's parameters: {denied}"
                 )
-        except AccessDenied as denied:
-            self._node.get_logger().warning(f"nobody else can read or set this node's parameters: {denied}")
+            undoing.pop_all()
 
     def publish_event(self, change: Change[Parameter]) -> None:
         """Publish a ParameterEvent."""

@@ -77,26 +77,32 @@ class CallLost(ServiceUnavailable):
             service,
             "the request or its answer was lost on the way to or from another bus"
             if is_bridged
-            else "busd has ended meanwhile, and the request or its answer is lost",
+            else "busd, or a connection to it, has ended meanwhile, and the request or its answer is lost",
         )
 
 
 class _Call:
     """A pending call: its servers, and the function for its answer."""
 
-    __slots__ = ("asked", "deliver", "denied", "is_doubtful", "is_lost", "looks", "looks_left")
+    __slots__ = ("asked", "deliver", "denied", "is_doubtful", "left", "looks", "looks_left")
 
     def __init__(self, asked: frozenset[bytes], deliver: Callable[[int, Any], object]) -> None:
         self.asked = asked
         self.deliver = deliver
         self.denied: set[bytes] = set()
         """Servers that do not work on it, by the gids of their publishers of replies."""
-        self.is_lost = False
+        self.left: frozenset[bytes] = frozenset()
+        """Servers that have left since, or have only lost their connection."""
         self.is_doubtful = False
         """The client must ask the server whether it knows the call: busd has ended since, or was away, or a
         bridge is on the way, which may lose messages."""
         self.looks = self.looks_left = 0
         """The number of checks between the last question and the next one: all of them, and those left."""
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether all servers that got it have left."""
+        return bool(self.left) and not self.asked
 
     def doubt(self) -> None:
         """The client must ask about it soon."""
@@ -324,20 +330,23 @@ class ServiceClient(ServiceBase):
                 f"service '{self.service_name}' is served {len(self._servers)} times, {change.node} is the "
                 "last one: each gets every request, and the first answer counts",
             )
-        gone = before - self._servers
+        gone, come = before - self._servers, self._servers - before
         if not self._requests_core.id:  # busd is away, and the servers may still exist
             for call in tuple(self._calls.values()):
                 call.doubt()
             self._doubt()
             return
+        for call in tuple(self._calls.values()):
+            if back := call.left & come:  # it has lost its connection, and perhaps the call or the answer
+                call.left, call.asked = call.left - back, call.asked | back
+                call.doubt()
+                self._doubt()
         if self._doubts is not None:
             self._ask(is_new=change.current_count_change > 0)
         if not gone:
             return
         for call in tuple(self._calls.values()):
-            if call.asked & gone:
-                call.asked -= gone
-                call.is_lost = not call.asked
+            call.left, call.asked = call.left | call.asked & gone, call.asked - gone
         if any(call.is_lost for call in tuple(self._calls.values())):
             if self._grace is not None:
                 self._grace.cancel()

@@ -15,7 +15,7 @@ from typing import Any, Final, NamedTuple
 import msgspec
 
 from bus.base.awaited import done_anyway
-from bus.base.callbacks import is_async, takes_info
+from bus.base.callbacks import call_async, is_async, takes_info
 from bus.diagnostics.provoked import warn
 from bus.endpoint.core import EndpointCore, NodeContext
 from bus.endpoint.endpoint import core_of
@@ -276,7 +276,7 @@ class _Work:
 
     async def _run(self, request: Any, request_id: RequestId) -> None:
         try:
-            response = await self._callback(*self._arguments(request))
+            response = await call_async(self._callback, *self._arguments(request))
             has_room = self._respond(request_id, response)
         except Exception as error:
             self._refuse(request_id, error)

@@ -175,7 +175,7 @@ async def test_what_is_lost_with_busd_is_asked_again_if_that_changes_nothing() -
         canceling = asyncio.ensure_future(goal.cancel())
         await turns()
         world.lose_busd()
-        with pytest.raises(ActionUnavailable, match="busd has ended meanwhile"):
+        with pytest.raises(ActionUnavailable, match="busd, or a connection to it, has ended meanwhile"):
             await sending
         world.release()
         assert await canceling
@@ -230,3 +230,23 @@ async def test_a_result_comes_after_the_feedback_of_its_turn() -> None:
         goal = await send(client, 3)
         assert [one.step async for one in goal] == [0, 1, 2]
         assert client.statistics().feedback == 3
+
+
+async def test_a_cancelled_call_whose_goal_is_accepted_during_the_close() -> None:
+    world = ActionWorld()
+    async with world.server(Walk, walk):
+        client = world.client(Walk)
+        await client.open()
+        world.is_held = True
+        sending = asyncio.ensure_future(send(client))
+        await turns()
+        sending.cancel()
+        await turns()
+        ends, client._ends = client._ends, None  # as the close does first
+        world.release()
+        await turns()
+        assert ends is not None
+        await ends.close()
+    assert world.client_node.errors == []
+    (warning,) = world.client_node.logger.warnings
+    assert "can't be canceled: action client '/act' is not open" in warning

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from action_world import ActionWorld
-from bus.errors import ConfigurationError, MessageTypeError, ServiceError
+from bus.errors import ConfigurationError, ConnectionClosed, MessageTypeError, ServiceError
 from bus.msg import Message, int32
 from bus.service.server import RequestId
 from bus_actions import (
@@ -71,6 +71,95 @@ async def test_a_goal_succeeds_and_its_status_is_published_once_in_a_turn() -> N
         assert world.statuses() == [[GoalStatus.EXECUTING], [GoalStatus.SUCCEEDED]]
         counts = server.statistics()
     assert (counts.accepted, counts.succeeded, counts.feedback, counts.active) == (1, 1, 3, 0)
+
+
+@pytest.mark.parametrize("kind", ["send_goal", "get_result", "cancel_goal"])
+async def test_an_answer_without_room_follows_later(kind: str) -> None:
+    """The services of an action may be keep all."""
+    world = ActionWorld()
+
+    async def use(client: ActionClient) -> None:
+        goal = await send(client, 3)
+        await (goal.cancel() if kind == "cancel_goal" else goal.result())
+
+    async with world.server(Count, wait if kind == "cancel_goal" else count), world.client(Count) as client:
+        service = world.service(kind)
+        service.has_room.clear()
+        using = asyncio.ensure_future(use(client))
+        await turns()
+        assert not using.done() and not service.answers
+        service.has_room.set()
+        await using
+        assert len(service.answers) == 1
+
+
+async def test_no_answer_waits_for_room_after_the_close() -> None:
+    world = ActionWorld()
+    async with world.server(Count, count), world.client(Count) as client:
+        world.service("send_goal").has_room.clear()
+        sending = asyncio.ensure_future(send(client))
+        await turns()
+    await turns()
+    with pytest.raises(ConnectionClosed):
+        await sending
+
+
+async def test_a_server_that_is_opened_again() -> None:
+    world = ActionWorld()
+    server = world.server(Count, count, result_timeout=float("inf"))
+    async with world.client(Count) as client:
+        for _ in range(2):
+            async with server:
+                assert (await (await send(client, 2)).result()).reached == 2
+
+
+async def test_an_opening_that_is_cancelled_during_an_early_goal() -> None:
+    world = ActionWorld()
+
+    async def decide(goal: Any) -> bool:
+        await asyncio.sleep(1000)
+        return True
+
+    async def ask(service: Any) -> None:
+        if service.service_name.endswith("send_goal"):
+            request = action_support(Count).send_goal.Request()
+            await service.on_request(request, RequestId(b"c", 1))
+
+    world.in_opening = ask
+    server = world.server(Count, count, goal_callback=decide)
+    opening = asyncio.ensure_future(server.open())
+    await turns()
+    assert world.services
+    opening.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await opening
+    assert not world.services and not world.publishers
+
+
+@pytest.mark.parametrize("is_cancel", [False, True])
+async def test_a_callback_that_awaited_a_cancelled_task(is_cancel: bool) -> None:
+    """The client gets the error, and the server takes further requests."""
+    world = ActionWorld()
+    cancelled = asyncio.ensure_future(asyncio.sleep(1000))
+    cancelled.cancel()
+
+    async def wait_for_cancelled(_: Any) -> bool:
+        await cancelled
+        return True
+
+    callback = {"cancel_callback" if is_cancel else "goal_callback": wait_for_cancelled}
+    async with world.server(Count, wait, **callback), world.client(Count) as client:
+        for _ in range(2):
+            with pytest.raises(ServiceError, match="awaited a cancelled task"):
+                await (await send(client)).cancel()
+    assert [type(error) for error in world.server_node.errors] == [RuntimeError] * 2
+
+
+def test_values_that_are_none() -> None:
+    world = ActionWorld()
+    for timeout in (-1.0, float("nan")):
+        with pytest.raises(ConfigurationError, match="result_timeout must be at least 0 s"):
+            world.server(Count, count, result_timeout=timeout)
 
 
 async def test_what_becomes_of_a_goal_whose_execution_gives_no_result_or_raises() -> None:

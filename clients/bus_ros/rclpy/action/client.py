@@ -35,7 +35,7 @@ from bus_ros.rclpy.waitable import NumberOfEntities
 __all__ = ["ActionClient", "ClientGoalHandle", "GoalStatus"]  # noqa: F822 - made by __getattr__
 
 _LEFT: Final = "its server has left before it answered"
-_LOST: Final = "busd has ended meanwhile, and the request or its answer is lost"
+_LOST: Final = "busd, or a connection to it, has ended meanwhile, and the request or its answer is lost"
 _UNKNOWN: Final = int(State.UNKNOWN)
 _ENDS: Final = frozenset(int(state) for state in State if state.is_end)
 

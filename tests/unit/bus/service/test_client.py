@@ -159,6 +159,27 @@ def test_a_server_that_leaves_before_its_answer(world: World) -> None:
     assert "it has left before it answered" in str(world.outcomes[number])
 
 
+def test_a_server_that_had_only_lost_its_connection(world: World) -> None:
+    first, second = world.ask(), world.ask()
+    world.serve()
+    world.serve(ONE)
+    assert world.questions == 2
+    world.loop.advance(1)
+    assert world.outcomes == {}
+    world.answer(first)
+    world.answer(second, None)
+    assert world.outcomes[first] == "sum"
+    assert isinstance(world.outcomes[second], CallLost)
+
+
+def test_another_server_does_not_bring_back_a_lost_call(world: World) -> None:
+    number = world.ask()
+    world.serve()
+    world.serve(OTHER)
+    world.loop.advance(1)
+    assert isinstance(world.outcomes[number], ServiceUnavailable)
+
+
 def test_an_answer_that_comes_after_the_report_that_the_server_has_left(world: World) -> None:
     first, second = world.ask(), world.ask()
     world.serve()
@@ -188,7 +209,7 @@ def test_a_call_that_busd_has_lost_is_denied_by_its_server(world: World) -> None
     assert world.questions == 1
     world.answer(number, None)
     assert isinstance(world.outcomes[number], CallLost)
-    assert "busd has ended meanwhile" in str(world.outcomes[number])
+    assert "busd, or a connection to it, has ended meanwhile" in str(world.outcomes[number])
 
 
 def test_a_server_that_still_works_on_it_is_asked_ever_less_often(world: World) -> None:
