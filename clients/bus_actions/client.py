@@ -212,6 +212,8 @@ class ActionClient:
 
         Raises the errors of `Node.create_client`. After a cancellation it is not open.
         """
+        if self._ends is not None:
+            raise LocalProtocolError(f"action client '{self.name}' is open already")
         ends = ClientEndpoints()
         await ends.open(
             self._node,

@@ -218,6 +218,8 @@ class ActionServer:
 
         Raises the errors of `Node.create_service`. After a cancellation it is not open.
         """
+        if self._ends is not None:
+            raise LocalProtocolError(f"action server '{self.name}' is open already")
         self._is_stopped = False
         ends = ServerEndpoints()
         try:

@@ -188,6 +188,12 @@ class TestCallbacks:
         async with asyncio.timeout(WAIT_S), node:
             pass
 
+    async def test_a_node_that_is_open_is_not_opened_again(self, node: bus.Node) -> None:
+        with pytest.raises(bus.LocalProtocolError, match="is open already: async with opens it, too"):
+            await node.open()
+        names = [one.full_name for one in (await node.graph()).nodes]
+        assert names.count(node.full_name) == 1
+
 
 class TestTaking:
     async def test_a_class_that_raises_what_it_likes(self, node: bus.Node) -> None:

@@ -48,7 +48,9 @@ class DeadlineWatch:
         if self.last_ns <= self._begun_ns:  # no message yet
             self._timer = self._loop.later(self._deadline_ns / 1e9, self._check)
             return
-        if now_ns - self.last_ns >= self._deadline_ns:
+        is_missed = now_ns - self.last_ns >= self._deadline_ns
+        if is_missed:
             self.last_ns = now_ns
+        self._arm()  # first, because `on_missed` may call `end`
+        if is_missed:
             self._on_missed()
-        self._arm()

@@ -132,12 +132,12 @@ class Node(ParameterHost, GraphHost):
         """Connect to busd, start one if none listens, and appear in the graph; `async with` does it.
 
         Raises BrokerUnavailable if no busd answers and none could be started, AccessDenied and QuotaExceeded
-        as busd's rules say. After a cancellation the node is not open.
+        as busd's rules say, LocalProtocolError if it is open. After a cancellation the node is not open.
         """
-        if asyncio._get_running_loop() is None:
-            from bus.process.mistakes import no_loop
+        if self._link is not None or asyncio._get_running_loop() is None:
+            from bus.process.mistakes import wrong_open
 
-            raise no_loop()
+            raise wrong_open(self.full_name, is_open=self._link is not None)
         with shown_in_one_line:
             await self._open()
 
@@ -151,11 +151,10 @@ class Node(ParameterHost, GraphHost):
             if self._wants_rosout:
                 await self._open_rosout()
             await self._served.open()
-        except TimeoutError as error:
+        except BaseException as error:
             await self.close()
-            raise BrokerUnavailable(str(error)) from None
-        except BaseException:
-            await self.close()
+            if isinstance(error, TimeoutError):
+                raise BrokerUnavailable(str(error)) from None
             raise
         unclosed.warn_of_namesake(self._declared, self._link)
 

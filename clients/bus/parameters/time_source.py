@@ -62,7 +62,7 @@ class TimeSource:
                 else:
                     subscription, self._subscription = self._subscription, None
                     await subscription.close()
-        except BusError as error:
+        except (BusError, TimeoutError) as error:
             self._logger.error(f"no simulated time: {error}")
         finally:
             self._task = None

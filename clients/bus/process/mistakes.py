@@ -14,10 +14,10 @@ __all__ = [
     "array_field",
     "nested_run",
     "no_coroutine",
-    "no_loop",
     "no_message_class",
     "other_loop",
     "plain_with",
+    "wrong_open",
 ]
 
 
@@ -79,8 +79,10 @@ def plain_with(name: str) -> TypeError:
     )
 
 
-def no_loop() -> LocalProtocolError:
-    """The error for a node that is opened without a running event loop of asyncio."""
+def wrong_open(name: str, *, is_open: bool) -> LocalProtocolError:
+    """The error for a node that is opened twice, or without a running event loop of asyncio."""
+    if is_open:
+        return LocalProtocolError(f"node {name} is open already: async with opens it, too")
     if _is_trio():
         return LocalProtocolError(
             "a node needs asyncio's event loop, but trio's is running here: "

@@ -375,6 +375,8 @@ class ServiceClient(ServiceBase):
             if now_ns - self._back_ns >= RETURN_S * 1e9:
                 self._give_up_absent()
             self._ask(is_new=False)
+        else:
+            self._back_ns = 0
         if any(call.is_doubtful for call in tuple(self._calls.values())):
             self._doubts = self._loop.call_later(_LOOK_S, self._check_doubts)
 

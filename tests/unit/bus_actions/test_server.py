@@ -7,7 +7,13 @@ from typing import Any
 import pytest
 
 from action_world import ActionWorld
-from bus.errors import ConfigurationError, ConnectionClosed, MessageTypeError, ServiceError
+from bus.errors import (
+    ConfigurationError,
+    ConnectionClosed,
+    LocalProtocolError,
+    MessageTypeError,
+    ServiceError,
+)
 from bus.msg import Message, int32
 from bus.service.server import RequestId
 from bus_actions import (
@@ -111,6 +117,15 @@ async def test_a_server_that_is_opened_again() -> None:
         for _ in range(2):
             async with server:
                 assert (await (await send(client, 2)).result()).reached == 2
+
+
+async def test_an_open_end_is_not_opened_again() -> None:
+    world = ActionWorld()
+    async with world.server(Count, count) as server, world.client(Count) as client:
+        for end in (server, client):
+            with pytest.raises(LocalProtocolError, match="is open already"):
+                await end.open()
+        assert (await (await send(client, 2)).result()).reached == 2
 
 
 async def test_an_opening_that_is_cancelled_during_an_early_goal() -> None:

@@ -99,7 +99,7 @@ def test_a_node_under_trio(monkeypatch: pytest.MonkeyPatch) -> None:
                 return True
 
     monkeypatch.setitem(mistakes.sys.modules, "trio", Trio)  # type: ignore[attr-defined]
-    assert "trio.to_thread.run_sync(lambda: bus.run(main()))" in str(mistakes.no_loop())
+    assert "trio.to_thread.run_sync(lambda: bus.run(main()))" in str(mistakes.wrong_open("/n", is_open=False))
 
 
 def test_what_belongs_to_another_loop() -> None:
