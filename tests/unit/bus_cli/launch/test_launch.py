@@ -34,6 +34,19 @@ Arguments (pass arguments as '<name>:=<value>'):
 * argument(s) which are only used if specific conditions occur
 """
 
+ROBOT = """
+from pathlib import Path
+from launch import LaunchDescription
+from launch.actions import IncludeLaunchDescription
+from launch.substitutions import LaunchConfiguration
+
+def generate_launch_description():
+    robot = LaunchConfiguration("robot", default="a")
+    return LaunchDescription(
+        [IncludeLaunchDescription([str(Path(__file__).parent), "/", robot, ".launch.xml"])]
+    )
+"""
+
 
 @pytest.fixture(autouse=True)
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
@@ -85,6 +98,19 @@ def test_a_launch(capsys: pytest.CaptureFixture[str]) -> None:
     logging.reset()
     assert run(["launch", "mine.launch.xml"]) == 1
     assert "missing required argument 'x'" in capsys.readouterr().out
+    logging.reset()
+
+
+def test_an_argument_in_the_path_of_an_include(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from bus_launch.launch import logging
+
+    files = {f"{name}.launch.xml": f'<launch><log message="{name}"/></launch>' for name in "ab"}
+    files["robot.launch.py"] = ROBOT
+    write(here, files)
+    for words, expected in (("", "a"), ("robot:=b", "b")):
+        logging.reset()
+        assert run(["launch", "robot.launch.py", *words.split()]) == 0
+        assert f"[INFO] [launch.user]: {expected}\n" in capsys.readouterr().out
     logging.reset()
 
 

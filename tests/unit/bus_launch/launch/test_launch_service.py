@@ -43,6 +43,7 @@ from bus_launch.launch.event_handlers import OnExecutionComplete, OnShutdown
 from bus_launch.launch.launch_description import LaunchDescription
 from bus_launch.launch.launch_description_sources import (
     AnyLaunchDescriptionSource,
+    LaunchDescriptionSource,
     PythonLaunchDescriptionSource,
     get_launch_description_from_any_launch_file,
 )
@@ -269,6 +270,29 @@ def test_files_include_files(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     )
     assert code == 0
     assert said(capsys.readouterr().out) == [f"hi Ann from {tmp_path}/sub", f"none {tmp_path}", "Annnone"]
+
+
+def test_a_path_that_depends_on_an_argument(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The arguments are inspected before the launch, when the path has its default."""
+    write(tmp_path, {f"{name}.launch.xml": f'<launch><log message="{name}"/></launch>' for name in "ab"})
+    robot = LaunchConfiguration("robot", default="a")
+    source = AnyLaunchDescriptionSource([str(tmp_path), "/", robot, ".launch.xml"])
+    description = LaunchDescription([IncludeLaunchDescription(source)])
+    description.get_launch_arguments()
+    assert source.location == f"{tmp_path}/a.launch.xml"
+    assert run(SetLaunchConfiguration("robot", "b"), description) == 0
+    assert source.location == f"{tmp_path}/b.launch.xml"
+    assert said(capsys.readouterr().out) == ["b"]
+
+
+def test_a_file_is_read_once_for_an_inspection_and_a_launch(tmp_path: Path) -> None:
+    write(tmp_path, {"a.launch.xml": "<launch/>"})
+    source = AnyLaunchDescriptionSource(str(tmp_path / "a.launch.xml"))
+    inspected = source.try_get_launch_description_without_context()
+    assert inspected is not None
+    assert source.get_launch_description(LaunchContext()) is inspected
+    given = LaunchDescription()
+    assert LaunchDescriptionSource(given).get_launch_description(LaunchContext()) is given
 
 
 def test_the_arguments_of_a_file_and_of_those_that_it_includes(tmp_path: Path) -> None:
