@@ -210,11 +210,17 @@ class TimerAction(Action):
         if context.is_shutdown and self.__cancel_on_shutdown:
             return
         self.__done = loop.create_future()
-        expired = EventHandler(matcher=self.__is_mine, entities=self.__actions, handle_once=True)
+        later = OpaqueFunction(function=self.__begin, args=[context.get_locals_as_dict()])
+        expired = EventHandler(matcher=self.__is_mine, entities=later, handle_once=True)
         context.register_event_handler(expired)
         if self.__cancel_on_shutdown:
             context.register_event_handler(OnShutdown(on_shutdown=lambda event, context: self.cancel()))
         self.__timer = loop.call_later(seconds(context, self.__period), self.__expire, context)
+
+    def __begin(self, context: LaunchContext, values: Mapping[str, Any]) -> _Found:
+        """Its actions see what they would have seen at once: their file, an outer handler's event."""
+        context.extend_locals(values)
+        return self.__actions
 
     def __is_mine(self, event: Event) -> bool:
         return isinstance(event, TimerEvent) and event.timer_action is self

@@ -179,6 +179,25 @@ def test_a_timer_with_no_period_visits_its_actions_at_once() -> None:
     assert found == [None] * 3
 
 
+def test_a_timer_keeps_what_its_place_sees(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The folder of its file, and the event that an outer handler is for."""
+
+    class Mine(Event):
+        number = 5
+
+    late = '<timer period="0"><log message="$(dirname)"/></timer>'
+    inner = f"<launch>{late.replace('timer', 'ros_timer')}</launch>"
+    outer = f'<launch>{late}<include file="$(dirname)/sub/inner.launch.xml"/></launch>'
+    write(tmp_path, {"outer.launch.xml": outer, "sub/inner.launch.xml": inner})
+    found: list[Any] = []
+    timer = TimerAction(period=0, actions=[note(found, lambda context: context.locals.event.number)])
+    handler = EventHandler(matcher=lambda event: isinstance(event, Mine), entities=timer)
+    include = IncludeLaunchDescription(str(tmp_path / "outer.launch.xml"))
+    assert run(RegisterEventHandler(handler), EmitEvent(event=Mine()), include) == 0
+    assert found == [5]
+    assert said(capsys.readouterr().out) == [str(tmp_path), str(tmp_path / "sub")]
+
+
 @for_each("text", ["inf", "nan", "-0.1", ""])
 def test_what_is_no_period(text: str) -> None:
     with pytest.raises(ValueError, match=f"a period must be a number of seconds, not '{text}'"):
