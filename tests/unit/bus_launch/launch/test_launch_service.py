@@ -291,6 +291,20 @@ def test_files_include_files(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert said(capsys.readouterr().out) == [f"hi Ann from {tmp_path}/sub", f"none {tmp_path}", "Annnone"]
 
 
+def test_an_argument_of_an_include_can_use_an_earlier_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = '<log message="$(var x) $(var y)"/>'
+    arguments = '<arg name="x" value="1"/><arg name="y" value="$(var x)2"/>'
+    files = {
+        "in.launch.xml": f'<launch><arg name="x"/><arg name="y"/>{log}</launch>',
+        "out.launch.xml": f'<launch><include file="$(dirname)/in.launch.xml">{arguments}</include></launch>',
+    }
+    write(tmp_path, files)
+    assert run(IncludeLaunchDescription(str(tmp_path / "out.launch.xml"))) == 0
+    assert said(capsys.readouterr().out) == ["1 12"]
+
+
 def test_a_path_that_depends_on_an_argument(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The arguments are inspected before the launch, when the path has its default."""
     write(tmp_path, {f"{name}.launch.xml": f'<launch><log message="{name}"/></launch>' for name in "ab"})
