@@ -52,6 +52,7 @@ from launching import note, run, said, write
 from rows import for_each
 
 A = LaunchConfiguration("a", default="none")
+IS_OFF = LaunchConfiguration("is_off")
 A_TEXT: Any = ["a"]
 FIVE: Any = 5
 PRINT: Any = print
@@ -165,11 +166,16 @@ def test_shutdown_ends_what_waits() -> None:
     assert sorted(found) == ["cancelled", "enough"]
 
 
-@for_each(("is_cancelled", "expected"), [(True, []), ("false", ["late"])])
-def test_a_timer_that_shutdown_begins(is_cancelled: bool | str, expected: list[str]) -> None:
+@for_each(
+    ("is_cancelled", "expected"),
+    [(True, []), (False, ["late"]), ("false", ["late"]), (IS_OFF, ["late"]), (["tr", "ue"], [])],
+)
+def test_a_timer_that_shutdown_begins(is_cancelled: Any, expected: list[str]) -> None:
     found: list[Any] = []
     timer = TimerAction(period=0.01, actions=[note(found, lambda _: "late")], cancel_on_shutdown=is_cancelled)
-    assert run(RegisterEventHandler(OnShutdown(on_shutdown=[timer]))) == 0
+    assert (
+        run(SetLaunchConfiguration("is_off", "0"), RegisterEventHandler(OnShutdown(on_shutdown=[timer]))) == 0
+    )
     assert found == expected
 
 
