@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from bus_ros import packages
-from cli import bus
+from cli import bus, wait_for_graph
 from packaged import run_bus
 from programs import on_one_loop, running
 
@@ -63,6 +63,21 @@ async def test_a_transform_is_echoed_and_drawn(tmp_path: Path) -> None:
         "- Translation: [1.000, 0.000, 0.000]",
         "- Rotation: in Quaternion (xyzw) [0.000, 0.000, 0.000, 1.000]",
     ]
+
+
+async def listening(count: int) -> None:
+    """Returns once /tf has this many subscriptions, so the program waits for transforms."""
+    await asyncio.to_thread(wait_for_graph, lambda graph: len(graph.subscriptions_of("/tf")) == count)
+
+
+@on_one_loop
+async def test_sigterm_while_the_monitor_waits_for_transforms(tmp_path: Path) -> None:
+    async with running(tmp_path, *RUN, "tf2_ros", "tf2_monitor", "world", "robot") as monitor:
+        await listening(2)
+        monitor.process.send_signal(signal.SIGTERM)
+        assert await monitor.end() == 0
+    (line,) = monitor.lines
+    assert line.startswith("Waiting for transform chain to become available between world and robot ")
 
 
 LAUNCH = """
