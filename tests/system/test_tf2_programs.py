@@ -142,6 +142,23 @@ def test_as_verbs_of_bus() -> None:
     assert "can't write '/nowhere/frames.gv': No such file or directory\n" in said.err
 
 
+@on_one_loop
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+async def test_verbs_of_bus_end_by_the_signal(number: signal.Signals, tmp_path: Path) -> None:
+    """So a loop in the shell ends, too."""
+    verb = (tmp_path, "-m", "bus_cli", "tf2")
+    async with (
+        running(*verb, "echo", "world", "robot") as echo,
+        running(*verb, "monitor", "world", "robot") as monitor,
+        running(*verb, "frames", "--wait-time", "1000", "--output", str(tmp_path / "frames")) as frames,
+    ):
+        await listening(4)
+        for program in (echo, monitor, frames):
+            program.process.send_signal(number)
+            assert await program.end() == -number
+            assert not any("Traceback" in line for line in program.lines)
+
+
 def test_they_are_found_like_those_of_packages() -> None:
     found = packages.executables("tf2_ros")
     assert found is not None
