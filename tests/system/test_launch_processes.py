@@ -1,5 +1,6 @@
 """Launch descriptions with processes: events, respawn, output, inherited environment, tests of launches."""
 
+import os
 import signal
 import sys
 from pathlib import Path
@@ -8,6 +9,7 @@ from typing import Any
 import pytest
 
 import bus
+from bus_launch.launch import child
 from bus_launch.launch.actions import (
     EmitEvent,
     ExecuteProcess,
@@ -124,6 +126,23 @@ def test_an_error_behind_a_process_that_was_started() -> None:
     process = ExecuteProcess(cmd=["sleep", "1000"])
     assert run(GroupAction([process]), OpaqueFunction(function=lambda context: [][1])) == 1
     assert process.return_code == -signal.SIGINT
+
+
+def test_without_a_guard_no_process_is_left(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pids: list[int] = []
+
+    def fail(pid: int) -> None:
+        pids.append(pid)
+        raise BlockingIOError("no more processes")
+
+    monkeypatch.setattr(child._guard, "add", fail)
+    assert run(ExecuteProcess(cmd=["sleep", "1000"])) == 0
+    assert "exception occurred while executing process: no more processes" in capsys.readouterr().out
+    (pid,) = pids
+    with pytest.raises(ProcessLookupError):
+        os.kill(pid, 0)
 
 
 def test_respawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
