@@ -150,7 +150,7 @@ class IncludeLaunchDescription(Action):
     def execute(self, context: LaunchContext) -> Sequence[LaunchDescriptionEntity]:
         description = self.__source.get_launch_description(context)
         path = Path(self.__source.location).absolute()
-        before = {name: context.get_locals_as_dict().get(name) for name in _FILE}
+        before = {name: value for name, value in context.get_locals_as_dict().items() if name in _FILE}
         context.extend_locals(dict(zip(_FILE, (str(path), str(path.parent)), strict=True)))
         given = self.__set_arguments(context)
         for argument in description.get_launch_arguments():
@@ -181,4 +181,5 @@ def _pair(one: object) -> tuple[SomeSubstitutionsType, SomeSubstitutionsType]:
 
 
 def _leave_file(context: LaunchContext, before: Mapping[str, Any]) -> None:
+    context._remove_locals(_FILE)
     context.extend_locals(before)

@@ -267,6 +267,13 @@ def test_an_included_file_leaves_the_folder_of_the_file_as_it_was(
     assert said(capsys.readouterr().out) == [str(tmp_path), str(tmp_path / "sub"), str(tmp_path)]
 
 
+def test_after_an_include_a_script_has_no_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write(tmp_path, {"a.launch.xml": "<launch/>"})
+    include = IncludeLaunchDescription(str(tmp_path / "a.launch.xml"))
+    assert run(include, LogInfo(msg=ThisLaunchFileDir())) == 1
+    assert "ThisLaunchFileDir used outside of a launch file" in capsys.readouterr().out
+
+
 def test_an_argument_that_an_included_file_needs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write(tmp_path, {"a.launch.xml": '<launch><arg name="x" description="an x"/><arg name="y"/></launch>'})
     assert run(IncludeLaunchDescription(str(tmp_path / "a.launch.xml"), launch_arguments=[("y", "1")])) == 1
