@@ -57,6 +57,8 @@ def split(lines: Iterable[str]) -> Iterator[str]:
         is_object = not document and line.startswith("{") and line.rstrip().endswith("}")
         if is_object:
             yield line
+        elif not document and not line.strip():
+            continue  # it begins no document, so JSON may follow
         elif line.rstrip() != "---":
             document.append(line)
         elif "".join(document).strip():

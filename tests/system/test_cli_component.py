@@ -33,6 +33,17 @@ class Plain(Node):
 class Broken(Node):
     def __init__(self):
         raise ValueError("no camera")
+
+class BreaksLate(Node):
+    def __init__(self):
+        super().__init__("breaks_late")
+        Node("part_of_it")
+        raise ValueError("no lens")
+        self.lens = 1
+
+    def destroy_node(self):
+        self.lens
+        super().destroy_node()
 """
 # A node with the services of a container that never answers.
 SILENT = """
@@ -110,6 +121,8 @@ def test_what_can_not_be_loaded(container: Running) -> None:
     failed = "Failed to load component: "
     for words, text in {
         "parts parts:Broken": "ValueError: no camera",
+        "parts parts:BreaksLate": "ValueError: no lens",
+        "parts parts:Talker --log-level 35": "35 is no severity (UNSET 0, DEBUG 10, INFO 20, WARN 30, ",
         "parts parts:Nosuch": "Module 'parts' has no class 'Nosuch'",
         "parts parts:Talker -n 1x": "RCLInvalidROSArgsError: Failed to parse ROS arguments: ",
         "x nosuch:X": "ModuleNotFoundError: No module named 'nosuch'",
@@ -123,6 +136,7 @@ def test_what_can_not_be_loaded(container: Running) -> None:
         assert (result.out, result.code) == ("", 1), words
         assert result.err.startswith(f"{failed}{text}"), words
     assert bus("component", "list", CONTAINER) == Result("", "", 0)
+    assert bus("node", "list").out == f"{CONTAINER}\n"
     for words in ("-p text", "--log-level loud", "--log-level 256"):
         assert bus("component", "load", CONTAINER, "parts", "parts:Talker", *words.split()).code == 2
 

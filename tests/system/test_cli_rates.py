@@ -38,6 +38,21 @@ bus.run(main())
 """
 
 
+UNSTAMPED = """
+import asyncio, bus, msgspec
+class Mail(msgspec.Struct):
+    header: str = "Dear reader"
+async def main():
+    async with bus.Node("mailer") as node:
+        publisher = await node.create_publisher(Mail, "topic", 10)
+        print("ready", flush=True)
+        while True:
+            publisher.publish(Mail())
+            await asyncio.sleep(0.05)
+bus.run(main())
+"""
+
+
 def number(text: str, name: str) -> float:
     found = re.search(rf"{name}: ([0-9.]+)", text)
     assert found is not None, text
@@ -233,3 +248,5 @@ def test_delay_says_when_nothing_is_new(daemon: object) -> None:
 def test_delay_needs_a_header(daemon: object) -> None:
     with script(TALKER, "1"):
         assert bus("topic", "delay", "/topic") == Result("", "msg does not have header\n", 1)
+    with script(UNSTAMPED):
+        assert bus("topic", "delay", "/topic") == Result("", "header of msg does not have stamp\n", 1)

@@ -1,5 +1,6 @@
 """Launch descriptions with processes: events, respawn, output, inherited environment, tests of launches."""
 
+import os
 import signal
 import sys
 from pathlib import Path
@@ -8,6 +9,7 @@ from typing import Any
 import pytest
 
 import bus
+from bus_launch.launch import child
 from bus_launch.launch.actions import (
     EmitEvent,
     ExecuteProcess,
@@ -124,6 +126,23 @@ def test_an_error_behind_a_process_that_was_started() -> None:
     process = ExecuteProcess(cmd=["sleep", "1000"])
     assert run(GroupAction([process]), OpaqueFunction(function=lambda context: [][1])) == 1
     assert process.return_code == -signal.SIGINT
+
+
+def test_without_a_guard_no_process_is_left(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pids: list[int] = []
+
+    def fail(pid: int) -> None:
+        pids.append(pid)
+        raise BlockingIOError("no more processes")
+
+    monkeypatch.setattr(child._guard, "add", fail)
+    assert run(ExecuteProcess(cmd=["sleep", "1000"])) == 0
+    assert "exception occurred while executing process: no more processes" in capsys.readouterr().out
+    (pid,) = pids
+    with pytest.raises(ProcessLookupError):
+        os.kill(pid, 0)
 
 
 def test_respawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -323,6 +342,59 @@ async def test_a_lifecycle_node(tmp_path: Path) -> None:
         assert await launch.end() == 0
         assert launch.family() == []
     assert said("\n".join(launch.lines)) == ["is configured", "is active"]
+
+
+RESPAWNED = """
+from launch import LaunchDescription
+from launch.actions import EmitEvent, LogInfo, RegisterEventHandler, Shutdown
+from launch.event_handlers import OnProcessStart
+from launch_ros.actions import LifecycleNode
+from launch_ros.event_handlers import OnStateTransition
+from launch_ros.events.lifecycle import ChangeState
+from lifecycle_msgs.msg import Transition
+import launch, os
+
+def generate_launch_description():
+    program = os.path.join(os.path.dirname(__file__), "dying")
+    node = LifecycleNode(executable=program, name="managed", namespace="/ns", respawn=True)
+    configure = EmitEvent(event=ChangeState(
+        lifecycle_node_matcher=launch.events.matches_action(node),
+        transition_id=Transition.TRANSITION_CONFIGURE,
+    ))
+    return LaunchDescription([
+        RegisterEventHandler(OnProcessStart(target_action=node, on_start=[configure])),
+        RegisterEventHandler(OnStateTransition(
+            target_lifecycle_node=node, goal_state="inactive",
+            entities=[LogInfo(msg="is inactive"), Shutdown()],
+        )),
+        node,
+    ])
+"""
+DIES_ONCE = """        from pathlib import Path
+        died = Path(__file__).with_name("died")
+        if not died.exists():
+            died.touch()
+            os._exit(1)
+        return TransitionCallbackReturn.SUCCESS
+"""
+
+
+@pytest.mark.usefixtures("daemon")
+@on_one_loop
+async def test_a_lifecycle_node_that_dies_in_a_transition(tmp_path: Path) -> None:
+    """The launch says that the transition failed, and has the respawned node make the next one."""
+    succeeds = "        return TransitionCallbackReturn.SUCCESS\n"
+    dying = MANAGED.replace(succeeds, DIES_ONCE).replace("import rclpy\n", "import os\nimport rclpy\n", 1)
+    folder = write(tmp_path / "here", {"dying": dying, "a.launch.py": RESPAWNED})
+    (tmp_path / "temporary").mkdir()
+    command = ("-m", "bus_cli", "launch", folder / "a.launch.py")
+    async with running(tmp_path / "temporary", *command) as launch:
+        assert await launch.end() == 0
+    assert said("\n".join(launch.lines)) == ["is inactive"]
+    failed = [line for line in launch.lines if "Failed to make transition '1'" in line]
+    assert len(failed) == 1
+    assert "service '/ns/managed/change_state' is not available" in failed[0]
+    assert not any("Traceback" in line for line in launch.lines)
 
 
 TESTED = """

@@ -338,6 +338,29 @@ class TestPublishing:
         assert publisher.wait_for_all_acked(Duration(seconds=10))
 
 
+@pytest.mark.parametrize("change", ["callback", "filter"])
+def test_a_callback_changes_what_comes_next(world: World, node: Node, change: str) -> None:
+    """It takes effect at the next message, although several messages were taken at once."""
+    first: list[int] = []
+    second: list[int] = []
+
+    def on_first(message: Any) -> None:
+        first.append(message.data)
+        if message.data != 20:
+            return
+        if change == "callback":
+            subscription.callback = lambda message: second.append(message.data)
+        else:
+            subscription.set_content_filter("data >= 39", [])
+
+    subscription = node.create_subscription(Int64, "t", on_first, 100)
+    published(node, 40, 100)
+    with world.spinning(node):
+        wait_until(lambda: 39 in (*first, *second))
+    expected = {"callback": (range(21), range(21, 40)), "filter": ((*range(21), 39), ())}
+    assert (first, second) == tuple(list(numbers) for numbers in expected[change])
+
+
 @pytest.mark.parametrize("raw", [False, True])
 def test_content_filters(world: World, raw: bool) -> None:
     """A filter applies from the moment it is set, with one argument and with two."""

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from bus_ros import packages
-from cli import bus
+from cli import bus, wait_for_graph
 from packaged import run_bus
 from programs import on_one_loop, running
 
@@ -63,6 +63,21 @@ async def test_a_transform_is_echoed_and_drawn(tmp_path: Path) -> None:
         "- Translation: [1.000, 0.000, 0.000]",
         "- Rotation: in Quaternion (xyzw) [0.000, 0.000, 0.000, 1.000]",
     ]
+
+
+async def listening(count: int) -> None:
+    """Returns once /tf has this many subscriptions, so the program waits for transforms."""
+    await asyncio.to_thread(wait_for_graph, lambda graph: len(graph.subscriptions_of("/tf")) == count)
+
+
+@on_one_loop
+async def test_sigterm_while_the_monitor_waits_for_transforms(tmp_path: Path) -> None:
+    async with running(tmp_path, *RUN, "tf2_ros", "tf2_monitor", "world", "robot") as monitor:
+        await listening(2)
+        monitor.process.send_signal(signal.SIGTERM)
+        assert await monitor.end() == 0
+    (line,) = monitor.lines
+    assert line.startswith("Waiting for transform chain to become available between world and robot ")
 
 
 LAUNCH = """
@@ -125,6 +140,23 @@ def test_as_verbs_of_bus() -> None:
     said = run_bus("tf2", "frames", "-t", "0.1", "-o", "/nowhere/frames")
     assert said.code == 1
     assert "can't write '/nowhere/frames.gv': No such file or directory\n" in said.err
+
+
+@on_one_loop
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+async def test_verbs_of_bus_end_by_the_signal(number: signal.Signals, tmp_path: Path) -> None:
+    """So a loop in the shell ends, too."""
+    verb = (tmp_path, "-m", "bus_cli", "tf2")
+    async with (
+        running(*verb, "echo", "world", "robot") as echo,
+        running(*verb, "monitor", "world", "robot") as monitor,
+        running(*verb, "frames", "--wait-time", "1000", "--output", str(tmp_path / "frames")) as frames,
+    ):
+        await listening(4)
+        for program in (echo, monitor, frames):
+            program.process.send_signal(number)
+            assert await program.end() == -number
+            assert not any("Traceback" in line for line in program.lines)
 
 
 def test_they_are_found_like_those_of_packages() -> None:

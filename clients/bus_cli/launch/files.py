@@ -54,7 +54,12 @@ def _in_package(package: str, name: str) -> Path:
         near = nearest(package)
         hint = f"; did you mean '{near}'?" if near else ""
         raise CommandError(f"Package '{package}' not found: {error}{hint}") from None
-    found = sorted(path for path in share.rglob(name) if path.is_file())
+    wanted = Path(name).parts
+    found = sorted(
+        path
+        for path in share.rglob("*")
+        if path.relative_to(share).parts[-len(wanted) :] == wanted and path.is_file()
+    )
     if not found:
         raise CommandError(
             f"file '{name}' was not found in the share directory of package '{package}' which is at "

@@ -4,6 +4,7 @@ from argparse import ArgumentParser, Namespace
 
 from bus_cli.completion import completed_by
 from bus_cli.launch.bus import export
+from bus_cli.tf2.ends import by_signal
 from bus_cli.tf2.heard import complete_frames
 
 
@@ -24,4 +25,5 @@ def main(args: Namespace) -> int:
     from bus_tf2.programs.tf2_echo import run
 
     time = [] if args.time is None else ["-t", args.time]
-    return run([args.source_frame, args.target_frame, "-r", args.rate, "-p", args.precision, *time])
+    words = [args.source_frame, args.target_frame, "-r", args.rate, "-p", args.precision, *time]
+    return by_signal(run(words))

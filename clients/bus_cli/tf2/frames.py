@@ -3,6 +3,7 @@
 from argparse import ArgumentParser, Namespace
 
 from bus_cli.launch.bus import export
+from bus_cli.tf2.ends import by_signal
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -16,4 +17,5 @@ def main(args: Namespace) -> int:
     export(args)
     from bus_tf2.programs.view_frames import run
 
-    return run(["-t", str(args.wait_time), *([] if args.output is None else ["-o", args.output])])
+    output = [] if args.output is None else ["-o", args.output]
+    return by_signal(run(["-t", str(args.wait_time), *output]))

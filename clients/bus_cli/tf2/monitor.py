@@ -4,6 +4,7 @@ from argparse import ArgumentParser, Namespace
 
 from bus_cli.completion import completed_by
 from bus_cli.launch.bus import export
+from bus_cli.tf2.ends import by_signal
 from bus_cli.tf2.heard import complete_frames
 
 
@@ -20,4 +21,4 @@ def main(args: Namespace) -> int:
     export(args)
     from bus_tf2.programs.tf2_monitor import run
 
-    return run(args.frames)
+    return by_signal(run(args.frames))

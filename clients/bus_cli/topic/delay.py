@@ -41,8 +41,11 @@ async def _measure(args: Namespace) -> int:
             raise CommandError("msg does not have header")
         node.create_timer(_PERIOD_S, partial(_print, topic, delays, args))
         async for message in subscription:
-            stamp = message.header.stamp
-            delays.add(time_ns() - stamp.sec * 1_000_000_000 - stamp.nanosec)
+            try:
+                stamp = message.header.stamp
+                delays.add(time_ns() - stamp.sec * 1_000_000_000 - stamp.nanosec)
+            except AttributeError:
+                raise CommandError("header of msg does not have stamp") from None
         return 0
 
 

@@ -61,7 +61,13 @@ class Child:
         self.pid = self._process.pid
         self.stdout = _Stream(ours[0])
         self.stderr = _Stream(ours[1])
-        _guard.add(self.pid)
+        try:
+            _guard.add(self.pid)
+        except BaseException:  # the guard could not be started; nothing else would end this process
+            self.send_signal(signal.SIGKILL)
+            self._process.wait()
+            self.close()
+            raise
         running.add(self)
 
     @staticmethod

@@ -256,6 +256,10 @@ class LaunchContext:
     def extend_locals(self, extensions: Mapping[str, Any]) -> None:
         self.__locals.update(extensions)
 
+    def _remove_locals(self, names: Iterable[str]) -> None:
+        for name in names:
+            self.__locals.pop(name, None)
+
     def extend_globals(self, extensions: Mapping[str, Any]) -> None:
         self.__globals.update(extensions)
 

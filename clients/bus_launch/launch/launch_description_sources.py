@@ -141,6 +141,7 @@ class LaunchDescriptionSource:
         method: str = "unspecified mechanism from a script",
     ) -> None:
         self.__description = launch_description
+        self.__is_given = launch_description is not None
         self.__location = normalize_to_list_of_substitutions(location)
         self.__expanded: str | None = None
         self.__method = method
@@ -170,10 +171,13 @@ class LaunchDescriptionSource:
         return self.__description
 
     def get_launch_description(self, context: LaunchContext) -> LaunchDescription:
-        if self.__expanded is None or self.__description is None:
-            self.__expanded = perform_substitutions(context, self.__location)
-            if self.__description is None:
-                self.__description = self._get_launch_description(self.__expanded)
+        # An inspection before the launch has other configurations, so its path may be another one.
+        path = perform_substitutions(context, self.__location)
+        if path != self.__expanded and not self.__is_given:
+            self.__description = None
+        self.__expanded = path
+        if self.__description is None:
+            self.__description = self._get_launch_description(path)
         return self.__description
 
     def _get_launch_description(self, location: str) -> LaunchDescription:

@@ -8,6 +8,7 @@ import asyncio
 import os
 from typing import Any
 
+from bus.errors import BusError
 from bus_launch.launch import logging
 from bus_launch.launch.core import LaunchContext
 from bus_launch.launch_ros.events.lifecycle import StateTransition
@@ -40,6 +41,8 @@ class Transitions:
             await talk
         except asyncio.CancelledError:
             pass
+        except BusError as error:
+            _log_error(f"LifecycleNode '{self._node.node_name}' gets no transitions: {error}")
 
     async def _talk(self) -> None:
         from bus.node import Node as BusNode  # late: few launch files have such nodes
@@ -53,14 +56,21 @@ class Transitions:
             client = await own.create_client(change, f"{name}/change_state")
             while True:
                 number = await self._asked.get()
-                await client.wait_for_service()
                 request = change.Request()
                 request.transition.id = number
-                answer = await client.call(request)
-                if not answer.success:
-                    logging.get_logger("launch_ros").error(
-                        f"Failed to make transition '{number}' for LifecycleNode '{name}'"
-                    )
+                failed = f"Failed to make transition '{number}' for LifecycleNode '{name}'"
+                try:
+                    await client.wait_for_service()
+                    answer = await client.call(request)
+                except BusError as error:  # for example its process has died; it may be started again
+                    _log_error(f"{failed}: {error}")
+                else:
+                    if not answer.success:
+                        _log_error(failed)
 
     def _on_transition(self, message: Any) -> None:
         self._context.emit_event_sync(StateTransition(action=self._node, msg=message))
+
+
+def _log_error(text: str) -> None:
+    logging.get_logger("launch_ros").error(text)

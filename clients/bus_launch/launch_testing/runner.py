@@ -87,16 +87,20 @@ class _Run:
 
     def run(self) -> bool:
         has_passed = False
+        problem: BaseException | None = None
 
         def test() -> None:
-            nonlocal has_passed
+            nonlocal has_passed, problem
             is_ready = self._ready.wait(self._timeout)
             if is_over.is_set():
                 return
-            if is_ready:
-                has_passed = self._test(self._before)
-            else:
-                print(f"Timed out waiting for processes to start up: not ready after {self._timeout:g} s")
+            try:
+                if is_ready:
+                    has_passed = self._test(self._before)
+                else:
+                    print(f"Timed out waiting for processes to start up: not ready after {self._timeout:g} s")
+            except BaseException as error:  # it belongs to the caller, and the launch must end all the same
+                problem = error
             self._service.shutdown()
 
         is_over = threading.Event()
@@ -107,6 +111,8 @@ class _Run:
         is_over.set()
         self._ready.set()
         thread.join()
+        if problem is not None:
+            raise problem
         if not was_ready:
             print("Processes under test stopped before tests completed")
         return self._test(self._after) and has_passed and was_ready and code == 0

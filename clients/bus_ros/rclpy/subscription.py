@@ -129,6 +129,8 @@ class Subscription(Entity, BaseSubscription[M]):
         self._wants_info = takes_info(callback)
         self.batch = 1
         """The number of messages to take at once."""
+        self._setting = object()
+        """Another object after each change of the callback or the filter."""
         # With a deadline, too: only `take` notes the time of a message.
         self._is_timed = native.qos.deadline is not None
         self._takes_one = self.is_async or self._wants_info or self._is_timed
@@ -150,6 +152,7 @@ class Subscription(Entity, BaseSubscription[M]):
             self.is_async = is_async(callback)
             self._wants_info = takes_info(callback)
             self._takes_one = self.is_async or self._wants_info or self._is_timed or self._filter is not None
+            self._setting = object()
             self.leave()
 
     @property
@@ -183,6 +186,7 @@ class Subscription(Entity, BaseSubscription[M]):
         with self._engine.loop:
             super()._use_filter(options, passes)
             self._takes_one = self.is_async or self._wants_info or self._is_timed or passes is not None
+            self._setting = object()
             self.leave()
 
     def _watch_event(self, event_type: IntEnum, enqueue: Any) -> Any:
@@ -223,11 +227,12 @@ class Subscription(Entity, BaseSubscription[M]):
         return self._call_with, (messages, self.node.own_executor)
 
     def _call_with(self, messages: list[M], executor: Line | None) -> None:
-        """Call back for all messages, unless that takes long or the executor loses the node.
+        """Call back for all messages, unless that takes long, the executor loses the node, or a callback
+        changes the callback or the filter.
 
         A fast callback gets more messages at a time, which saves turns of the executor.
         """
-        callback, node, context = self._callback, self.node, self.node.context
+        callback, setting, node, context = self._callback, self._setting, self.node, self.node.context
         end_ns = monotonic_ns() + _TURN_NS
         left = iter(messages)
         try:
@@ -235,7 +240,7 @@ class Subscription(Entity, BaseSubscription[M]):
                 callback(message)
                 if monotonic_ns() > end_ns or node.own_executor is not executor:
                     break
-                if self.is_destroyed or not context.is_valid:
+                if self.is_destroyed or not context.is_valid or self._setting is not setting:
                     break
         finally:
             if rest := list(left):

@@ -4,6 +4,7 @@ import inspect
 from typing import Any, Final
 
 from bus_ros.rclpy.executors import Executor
+from bus_ros.rclpy.logging import LoggingSeverity
 from bus_ros.rclpy.node import Node
 from bus_ros.rclpy.parameter import Parameter
 from bus_ros.rclpy_components.registry import ComponentError, find_class
@@ -40,9 +41,14 @@ class ComponentManager(Node):
 
     def _load(self, request: Any, response: Any) -> Any:
         self.get_logger().info(f"Load component: {request.plugin_name} of package {request.package_name}")
+        before = set(self.context.nodes())
         try:
             component = _make(request)
         except (Exception, SystemExit) as error:  # of the component's module or constructor
+            for node in set(self.context.nodes()) - before:
+                if isinstance(node, Node):
+                    # Not its class's own: that may need what the constructor did not make.
+                    Node.destroy_node(node)
             text = str(error) if isinstance(error, ComponentError) else f"{type(error).__name__}: {error}"
             self.get_logger().error(f"Failed to load component: {text}")
             response.error_message = text
@@ -77,6 +83,9 @@ class ComponentManager(Node):
 
 def _make(request: Any) -> Node:
     """Make the component of a LoadNode request. Raises ComponentError, or any error of its constructor."""
+    if request.log_level not in set(LoggingSeverity):
+        allowed = ", ".join(f"{one.name} {one.value}" for one in LoggingSeverity)
+        raise ComponentError(f"{request.log_level} is no severity ({allowed})")
     component_class = find_class(request.package_name, request.plugin_name)
     component = component_class(**_options_for(component_class, _options(request)))
     if request.log_level:

@@ -34,6 +34,8 @@ options:
   -t TIME       the transform at this time, in seconds; by default the latest
   -p PRECISION  digits after the point; 3 by default
 """
+_END_S = 2**63 // 10**9
+"""A time has its nanoseconds in 64 bits."""
 
 
 class Wish(NamedTuple):
@@ -88,6 +90,8 @@ def read(words: Sequence[str]) -> Wish | None:
     if not 0 < rate < float("inf"):
         raise ValueError("Rate must be positive")
     time = _number(given["-t"], "time", "a floating-point number") if "-t" in given else None
+    if time is not None and not 0 <= time < _END_S:
+        raise ValueError(f"Time must be from 0 to {_END_S} seconds, and is '{given['-t']}'")
     precision = _number(given.get("-p", "3"), "precision", "an integer")
     if not 0 <= precision <= 20 or precision != int(precision):
         raise ValueError(f"Precision must be from 0 to 20, and is '{given['-p']}'")

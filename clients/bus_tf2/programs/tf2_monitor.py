@@ -104,6 +104,9 @@ def _watch(to: str = "", of: str = "") -> None:
         while rclpy.ok() and not buffer.can_transform(to, of, Time(), Duration(seconds=1.0)):
             print(".", end="", flush=True)
         print(flush=True)
+        if not rclpy.ok():  # SIGTERM came first
+            listener.unregister()
+            return
         chain = buffer._chain(to, Time(), of, Time(), to)
     print(f"Gathering data on {f'{to} -> {of}' if to else 'all frames'} for 10 seconds...", flush=True)
     average_s = most_s = 0.0

@@ -178,7 +178,7 @@ def test_documents_as_echo_prints_them() -> None:
 
 
 def test_documents_as_echo_prints_them_in_json() -> None:
-    lines = '{"data":"a"}\n{"data":"---"}\n'.splitlines(keepends=True)
+    lines = '\n{"data":"a"}\n \n\n{"data":"---"}\n'.splitlines(keepends=True)
     assert [load(document) for document in split(lines)] == [{"data": "a"}, {"data": "---"}]
 
 

@@ -22,6 +22,7 @@ from bus_launch.launch.events import Shutdown as ShutdownEvent
 from bus_launch.launch.events import TimerEvent
 from bus_launch.launch.events.process import ProcessExited
 from bus_launch.launch.frontend import Entity, Parser, expose_action
+from bus_launch.launch.utilities.type_utils import perform_typed_substitution
 
 __all__ = [
     "EmitEvent",
@@ -178,7 +179,11 @@ class TimerAction(Action):
             float(period) if isinstance(period, int | float) else normalize_to_list_of_substitutions(period)
         )
         self.__actions = list(actions)
-        self.__cancel_on_shutdown = str(cancel_on_shutdown).lower() not in ("false", "0")
+        self.__cancel_on_shutdown: bool | list[Substitution] = (
+            cancel_on_shutdown
+            if isinstance(cancel_on_shutdown, bool)
+            else normalize_to_list_of_substitutions(cancel_on_shutdown)
+        )
         self.__timer: asyncio.TimerHandle | None = None
         self.__done: asyncio.Future[None] | None = None
 
@@ -207,14 +212,21 @@ class TimerAction(Action):
     def execute(self, context: LaunchContext) -> None:
         loop = context.asyncio_loop
         assert loop is not None
-        if context.is_shutdown and self.__cancel_on_shutdown:
+        is_cancelled = perform_typed_substitution(context, self.__cancel_on_shutdown, bool)
+        if context.is_shutdown and is_cancelled:
             return
         self.__done = loop.create_future()
-        expired = EventHandler(matcher=self.__is_mine, entities=self.__actions, handle_once=True)
+        later = OpaqueFunction(function=self.__begin, args=[context.get_locals_as_dict()])
+        expired = EventHandler(matcher=self.__is_mine, entities=later, handle_once=True)
         context.register_event_handler(expired)
-        if self.__cancel_on_shutdown:
+        if is_cancelled:
             context.register_event_handler(OnShutdown(on_shutdown=lambda event, context: self.cancel()))
         self.__timer = loop.call_later(seconds(context, self.__period), self.__expire, context)
+
+    def __begin(self, context: LaunchContext, values: Mapping[str, Any]) -> _Found:
+        """Its actions see what they would have seen at once: their file, an outer handler's event."""
+        context.extend_locals(values)
+        return self.__actions
 
     def __is_mine(self, event: Event) -> bool:
         return isinstance(event, TimerEvent) and event.timer_action is self

@@ -26,6 +26,9 @@ __all__ = ["Process", "ProcessRun", "shown_command"]
 _LAST_OUTPUT_S: Final = 0.5
 """After a process has ended, output of the processes that it has started is read for this long."""
 
+_FAILED_START_S: Final = 1.0
+"""After a start that failed, the next one comes no sooner: its reason, such as a missing file, may last."""
+
 
 class Output(Protocol):
     """A stream that a process writes to."""
@@ -125,30 +128,32 @@ class ProcessRun:
 
     async def _run(self) -> None:
         while self._state is not ProcessState.ENDED:
-            await self._run_once()
+            has_started = await self._run_once()
             if self._state is ProcessState.WAITING:
-                await self._wait_for_restart()
+                least_s = 0.0 if has_started else _FAILED_START_S
+                await self._wait_for_restart(max(self._respawn_delay_s, least_s))
 
-    async def _wait_for_restart(self) -> None:
+    async def _wait_for_restart(self, delay_s: float) -> None:
         if not self._respawns_left:
             self._on(ProcessEvent.GIVE_UP)
             return
         self._respawns_left -= 1
         try:
-            async with asyncio.timeout(self._respawn_delay_s):
+            async with asyncio.timeout(delay_s):
                 await self._end_requested.wait()
         except TimeoutError:
             if self._state is ProcessState.WAITING:  # it was not to end at the same moment
                 self._on(ProcessEvent.RESTART)
 
-    async def _run_once(self) -> None:
+    async def _run_once(self) -> bool:
+        """Returns whether it could be started."""
         details = self._details
         try:
             process = self._start()
         except (OSError, ValueError) as error:
             self._logger.error(f"exception occurred while executing process: {error}")
             self._on(ProcessEvent.EXIT)
-            return
+            return False
         self._process, self.return_code = process, None
         details["pid"] = process.pid
         self._logger.info(f"process started with pid [{process.pid}]")
@@ -178,6 +183,7 @@ class ProcessRun:
             shown = shown_command(details["cmd"])
             self._logger.error(f"process has died [pid {process.pid}, exit code {code}, cmd '{shown}'].")
         self._context.emit_event_sync(ProcessExited(returncode=code, **details))
+        return True
 
     async def _read(self, stream: Output, made: type[ProcessIO]) -> None:
         """One chunk at a time; the next one is read when this one's events were handled."""

@@ -150,27 +150,28 @@ class IncludeLaunchDescription(Action):
     def execute(self, context: LaunchContext) -> Sequence[LaunchDescriptionEntity]:
         description = self.__source.get_launch_description(context)
         path = Path(self.__source.location).absolute()
-        before = {name: context.get_locals_as_dict().get(name) for name in _FILE}
+        before = {name: value for name, value in context.get_locals_as_dict().items() if name in _FILE}
         context.extend_locals(dict(zip(_FILE, (str(path), str(path.parent)), strict=True)))
-        given = self.__given(context)
+        given = self.__set_arguments(context)
         for argument in description.get_launch_arguments():
             if argument._conditionally_included or argument.default_value is not None:
                 continue
-            if argument.name not in given and argument.name not in context.launch_configurations:
+            if argument.name not in context.launch_configurations:
                 raise RuntimeError(
                     f"Included launch description missing required argument '{argument.name}' "
                     f"(description: '{argument.description}'), given: [{', '.join(given)}]"
                 )
-        context.launch_configurations.update(given)
         return [description, OpaqueFunction(function=_leave_file, args=[before])]
 
-    def __given(self, context: LaunchContext) -> dict[str, str]:
-        return {
-            perform_substitutions(context, normalize_to_list_of_substitutions(name)): perform_substitutions(
-                context, normalize_to_list_of_substitutions(value)
-            )
-            for name, value in self.__arguments
-        }
+    def __set_arguments(self, context: LaunchContext) -> list[str]:
+        """Returns their names. Each is set at once, because a later one may use it."""
+        names = []
+        for name_subs, value_subs in self.__arguments:
+            name = perform_substitutions(context, normalize_to_list_of_substitutions(name_subs))
+            value = perform_substitutions(context, normalize_to_list_of_substitutions(value_subs))
+            context.launch_configurations[name] = value
+            names.append(name)
+        return names
 
 
 def _pair(one: object) -> tuple[SomeSubstitutionsType, SomeSubstitutionsType]:
@@ -180,4 +181,5 @@ def _pair(one: object) -> tuple[SomeSubstitutionsType, SomeSubstitutionsType]:
 
 
 def _leave_file(context: LaunchContext, before: Mapping[str, Any]) -> None:
+    context._remove_locals(_FILE)
     context.extend_locals(before)

@@ -1,6 +1,7 @@
 """`bus launch` in this process: the choice of the file, its arguments, and errors in place of a traceback."""
 
 import os
+import shlex
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -34,6 +35,19 @@ Arguments (pass arguments as '<name>:=<value>'):
 * argument(s) which are only used if specific conditions occur
 """
 
+ROBOT = """
+from pathlib import Path
+from launch import LaunchDescription
+from launch.actions import IncludeLaunchDescription
+from launch.substitutions import LaunchConfiguration
+
+def generate_launch_description():
+    robot = LaunchConfiguration("robot", default="a")
+    return LaunchDescription(
+        [IncludeLaunchDescription([str(Path(__file__).parent), "/", robot, ".launch.xml"])]
+    )
+"""
+
 
 @pytest.fixture(autouse=True)
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
@@ -60,6 +74,8 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 
 def test_arguments_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["launch", "my_robot", "all.launch.xml", "--show-args"]) == 0
+    assert capsys.readouterr().out == SHOWN
+    assert run(["launch", "my_robot", "launch/all.launch.xml", "--show-args"]) == 0
     assert capsys.readouterr().out == SHOWN
     assert run(["launch", "my_robot", "../prefix/two.launch.xml", "-s"]) == 1
 
@@ -88,6 +104,19 @@ def test_a_launch(capsys: pytest.CaptureFixture[str]) -> None:
     logging.reset()
 
 
+def test_an_argument_in_the_path_of_an_include(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from bus_launch.launch import logging
+
+    files = {f"{name}.launch.xml": f'<launch><log message="{name}"/></launch>' for name in "ab"}
+    files["robot.launch.py"] = ROBOT
+    write(here, files)
+    for words, expected in (("", "a"), ("robot:=b", "b")):
+        logging.reset()
+        assert run(["launch", "robot.launch.py", *words.split()]) == 0
+        assert f"[INFO] [launch.user]: {expected}\n" in capsys.readouterr().out
+    logging.reset()
+
+
 @for_each(
     ("words", "text"),
     [
@@ -103,6 +132,13 @@ def test_a_launch(capsys: pytest.CaptureFixture[str]) -> None:
             "my_robot two.launch.xml",
             "was found more than once in the share directory of package 'my_robot': ['",
         ),
+        (
+            "my_robot /nosuch/all.launch.xml",
+            "file '/nosuch/all.launch.xml' was not found in the share directory",
+        ),
+        ("my_robot *.launch.xml", "file '*.launch.xml' was not found in the share directory of package"),
+        ("my_robot b/all.launch.xml", "file 'b/all.launch.xml' was not found in the share directory of"),
+        ("my_robot ''", "file '' was not found in the share directory of package 'my_robot' "),
         ("my_robot", "which launch file of package 'my_robot'? it has: all.launch.xml, two.launch.xml"),
         ("nosuch", "bus launch: 'nosuch' is neither a launch file nor a package"),
         ("mine.launch.xml x=1", "malformed launch argument 'x=1', expected format '<name>:=<value>'"),
@@ -111,7 +147,7 @@ def test_a_launch(capsys: pytest.CaptureFixture[str]) -> None:
     ],
 )
 def test_mistakes(words: str, text: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["launch", *words.split()]) == 1
+    assert run(["launch", *shlex.split(words)]) == 1
     err = capsys.readouterr().err
     assert text in err
     assert err.count("\n") == 1

@@ -43,6 +43,7 @@ from bus_launch.launch.event_handlers import OnExecutionComplete, OnShutdown
 from bus_launch.launch.launch_description import LaunchDescription
 from bus_launch.launch.launch_description_sources import (
     AnyLaunchDescriptionSource,
+    LaunchDescriptionSource,
     PythonLaunchDescriptionSource,
     get_launch_description_from_any_launch_file,
 )
@@ -51,6 +52,7 @@ from launching import note, run, said, write
 from rows import for_each
 
 A = LaunchConfiguration("a", default="none")
+IS_OFF = LaunchConfiguration("is_off")
 A_TEXT: Any = ["a"]
 FIVE: Any = 5
 PRINT: Any = print
@@ -164,11 +166,16 @@ def test_shutdown_ends_what_waits() -> None:
     assert sorted(found) == ["cancelled", "enough"]
 
 
-@for_each(("is_cancelled", "expected"), [(True, []), ("false", ["late"])])
-def test_a_timer_that_shutdown_begins(is_cancelled: bool | str, expected: list[str]) -> None:
+@for_each(
+    ("is_cancelled", "expected"),
+    [(True, []), (False, ["late"]), ("false", ["late"]), (IS_OFF, ["late"]), (["tr", "ue"], [])],
+)
+def test_a_timer_that_shutdown_begins(is_cancelled: Any, expected: list[str]) -> None:
     found: list[Any] = []
     timer = TimerAction(period=0.01, actions=[note(found, lambda _: "late")], cancel_on_shutdown=is_cancelled)
-    assert run(RegisterEventHandler(OnShutdown(on_shutdown=[timer]))) == 0
+    assert (
+        run(SetLaunchConfiguration("is_off", "0"), RegisterEventHandler(OnShutdown(on_shutdown=[timer]))) == 0
+    )
     assert found == expected
 
 
@@ -176,6 +183,25 @@ def test_a_timer_with_no_period_visits_its_actions_at_once() -> None:
     found: list[Any] = []
     assert run(*(TimerAction(period=one, actions=[note(found, "a")]) for one in (0, 0.0, "0"))) == 0
     assert found == [None] * 3
+
+
+def test_a_timer_keeps_what_its_place_sees(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The folder of its file, and the event that an outer handler is for."""
+
+    class Mine(Event):
+        number = 5
+
+    late = '<timer period="0"><log message="$(dirname)"/></timer>'
+    inner = f"<launch>{late.replace('timer', 'ros_timer')}</launch>"
+    outer = f'<launch>{late}<include file="$(dirname)/sub/inner.launch.xml"/></launch>'
+    write(tmp_path, {"outer.launch.xml": outer, "sub/inner.launch.xml": inner})
+    found: list[Any] = []
+    timer = TimerAction(period=0, actions=[note(found, lambda context: context.locals.event.number)])
+    handler = EventHandler(matcher=lambda event: isinstance(event, Mine), entities=timer)
+    include = IncludeLaunchDescription(str(tmp_path / "outer.launch.xml"))
+    assert run(RegisterEventHandler(handler), EmitEvent(event=Mine()), include) == 0
+    assert found == [5]
+    assert said(capsys.readouterr().out) == [str(tmp_path), str(tmp_path / "sub")]
 
 
 @for_each("text", ["inf", "nan", "-0.1", ""])
@@ -241,6 +267,13 @@ def test_an_included_file_leaves_the_folder_of_the_file_as_it_was(
     assert said(capsys.readouterr().out) == [str(tmp_path), str(tmp_path / "sub"), str(tmp_path)]
 
 
+def test_after_an_include_a_script_has_no_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write(tmp_path, {"a.launch.xml": "<launch/>"})
+    include = IncludeLaunchDescription(str(tmp_path / "a.launch.xml"))
+    assert run(include, LogInfo(msg=ThisLaunchFileDir())) == 1
+    assert "ThisLaunchFileDir used outside of a launch file" in capsys.readouterr().out
+
+
 def test_an_argument_that_an_included_file_needs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write(tmp_path, {"a.launch.xml": '<launch><arg name="x" description="an x"/><arg name="y"/></launch>'})
     assert run(IncludeLaunchDescription(str(tmp_path / "a.launch.xml"), launch_arguments=[("y", "1")])) == 1
@@ -269,6 +302,43 @@ def test_files_include_files(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     )
     assert code == 0
     assert said(capsys.readouterr().out) == [f"hi Ann from {tmp_path}/sub", f"none {tmp_path}", "Annnone"]
+
+
+def test_an_argument_of_an_include_can_use_an_earlier_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = '<log message="$(var x) $(var y)"/>'
+    arguments = '<arg name="x" value="1"/><arg name="y" value="$(var x)2"/>'
+    files = {
+        "in.launch.xml": f'<launch><arg name="x"/><arg name="y"/>{log}</launch>',
+        "out.launch.xml": f'<launch><include file="$(dirname)/in.launch.xml">{arguments}</include></launch>',
+    }
+    write(tmp_path, files)
+    assert run(IncludeLaunchDescription(str(tmp_path / "out.launch.xml"))) == 0
+    assert said(capsys.readouterr().out) == ["1 12"]
+
+
+def test_a_path_that_depends_on_an_argument(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The arguments are inspected before the launch, when the path has its default."""
+    write(tmp_path, {f"{name}.launch.xml": f'<launch><log message="{name}"/></launch>' for name in "ab"})
+    robot = LaunchConfiguration("robot", default="a")
+    source = AnyLaunchDescriptionSource([str(tmp_path), "/", robot, ".launch.xml"])
+    description = LaunchDescription([IncludeLaunchDescription(source)])
+    description.get_launch_arguments()
+    assert source.location == f"{tmp_path}/a.launch.xml"
+    assert run(SetLaunchConfiguration("robot", "b"), description) == 0
+    assert source.location == f"{tmp_path}/b.launch.xml"
+    assert said(capsys.readouterr().out) == ["b"]
+
+
+def test_a_file_is_read_once_for_an_inspection_and_a_launch(tmp_path: Path) -> None:
+    write(tmp_path, {"a.launch.xml": "<launch/>"})
+    source = AnyLaunchDescriptionSource(str(tmp_path / "a.launch.xml"))
+    inspected = source.try_get_launch_description_without_context()
+    assert inspected is not None
+    assert source.get_launch_description(LaunchContext()) is inspected
+    given = LaunchDescription()
+    assert LaunchDescriptionSource(given).get_launch_description(LaunchContext()) is given
 
 
 def test_the_arguments_of_a_file_and_of_those_that_it_includes(tmp_path: Path) -> None:

@@ -2,11 +2,13 @@
 
 import unittest
 from collections.abc import Sequence
+from pathlib import Path
 from types import ModuleType
 
 import pytest
 
 from bus_launch.launch import logging
+from bus_launch.launch.actions import TimerAction
 from bus_launch.launch.launch_description import LaunchDescription
 from bus_launch.launch_testing import parametrize, post_shutdown_test
 from bus_launch.launch_testing.actions import ReadyToTest
@@ -62,3 +64,23 @@ def test_all_tests_of_all_launches_decide(
         assert run_module(module_of(before, after), {}, run) is passes
     logging.reset()
     assert len(ended) == 2 * len(before), "no launch is left out after a failure"
+
+
+def test_an_error_of_a_test_file_ends_its_launch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path))
+    module = ModuleType("a_test_file")
+    description = LaunchDescription([ReadyToTest(), TimerAction(period=1000.0, actions=[])])
+    module.generate_test_description = lambda: description  # type: ignore[attr-defined]
+
+    class Before(unittest.TestCase):
+        setUpClass = None  # type: ignore[assignment]
+
+        def test_it(self) -> None:
+            """Never called."""
+
+    Before.__module__ = module.__name__
+    module.Before = Before  # type: ignore[attr-defined]
+    logging.reset()
+    with pytest.raises(TypeError, match="None is not a callable object"):
+        run_module(module, {}, lambda suite: suite.run(unittest.TestResult()))
+    logging.reset()

@@ -48,6 +48,10 @@ def test_command_lines() -> None:
     [
         ("a b fast", "Failed to convert rate argument 'fast' to a floating-point number"),
         ("a b -t now", "Failed to convert time argument 'now' to a floating-point number"),
+        ("a b -t nan", "Time must be from 0 to 9223372036 seconds, and is 'nan'"),
+        ("a b -t inf", "Time must be from 0 to 9223372036 seconds, and is 'inf'"),
+        ("a b -t -1", "Time must be from 0 to 9223372036 seconds, and is '-1'"),
+        ("a b -t 1e10", "Time must be from 0 to 9223372036 seconds, and is '1e10'"),
         ("a b -p some", "Failed to convert precision argument 'some' to an integer"),
         ("a b 0", "Rate must be positive"),
         ("a b -r nan", "Rate must be positive"),

@@ -265,6 +265,21 @@ def test_it_is_started_again_as_often_as_it_may_be_after_the_delay() -> None:
     play(tell)
 
 
+def test_after_a_start_that_failed_the_delay_is_a_second_at_least() -> None:
+    async def tell() -> None:
+        scene = await Scene(respawns=-1, respawn_delay_s=0.0, fails=3).come_to(STARTING)
+        begin = asyncio.get_running_loop().time()
+        await asyncio.sleep(2.5)
+        assert not scene.fails
+        assert not scene.processes
+        await asyncio.sleep(1)
+        await scene.exit()
+        assert [round(one.started_s - begin, 1) for one in scene.processes] == [3.0, 3.5]
+        await scene.end()
+
+    play(tell)
+
+
 def test_below_zero_it_is_started_again_for_ever() -> None:
     async def tell() -> None:
         scene = await Scene(respawns=-1).come_to(RUNNING)
