@@ -38,7 +38,7 @@ def write(path: Path, text: str) -> None:
             command = mark.removeprefix("# Written by ").removesuffix(".")
             raise CommandError(f"{path} was not written by {command}; move it away first")
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text)
+        path.write_bytes(os.fsencode(text))  # paths in it need not be UTF-8
     except OSError as error:
         raise CommandError(f"can't write {path}: {error.strerror}") from None
 

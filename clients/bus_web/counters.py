@@ -211,20 +211,19 @@ class Group:
     def counted(self) -> dict[str, Any]:
         """The fields that rows have in common and that change with every look."""
         dropped: dict[str, int] = {}
-        queued, most, depth, lost_per_s = 0, -1, None, 0.0
+        queued, depth, lost_per_s = -1, None, 0.0
         for one in self.subscriptions:
             counters = one.statistics
             for reason, count in one.dropped.items():
                 dropped[reason] = dropped.get(reason, 0) + count
-            queued += counters.queued
-            if counters.queued > most:
-                most, depth = counters.queued, depth_of(one.endpoint.qos)
+            if counters.queued > queued:
+                queued, depth = counters.queued, depth_of(one.endpoint.qos)
             lost_per_s += one.lost_per_s
         return {
             "hz": self.hz,
             "bytes_per_s": self.bytes_per_s,
             "history": self.history.values,
-            "queued": queued,
+            "queued": max(queued, 0),
             "depth": depth,
             "age": ages_of(self.subscriptions),
             "lost_per_s": lost_per_s,

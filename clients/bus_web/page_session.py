@@ -98,8 +98,7 @@ class PageSession(Watcher):
             self._notify("status", dropped=dropped)
 
     def lost(self, text: str) -> None:
-        if not self._sender.notices:
-            self._notify("bus", is_up=False, text=text)
+        self._notify("bus", is_up=False, text=text)  # also to a slow page: it gets this once for each loss
 
     # --- of the subscriptions
 

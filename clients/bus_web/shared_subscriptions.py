@@ -26,6 +26,8 @@ _DEPTHS = {"/rosout": 200}
 """Viewers of a log want its last lines."""
 _DEPTH = 5
 _MOST_AT_ONCE = 200
+_AGAIN_S = 5.0
+"""After a refusal of busd: its reason, such as a limit, may end without a change of the graph."""
 _NOT_DECODED = object()
 
 
@@ -76,6 +78,8 @@ class _Shared:
 
     def __init__(self, node: Node, topic: str, kept: Kept) -> None:
         self.listeners: dict[Listener, None] = {}
+        self.fault = ""
+        """The reason why no message can come; empty if there is none."""
         self._node = node
         self._topic = topic
         self._kept = kept
@@ -129,16 +133,24 @@ class _Shared:
                     kind = wanted
                     try:
                         subscription = await self._subscribe(kind)
+                        self.fault = ""
                     except TimeoutError:  # busd says nothing for long, which the looks say: ask again
                         continue
                     except BusError as error:
-                        for listener in [*self.listeners]:
-                            listener.on_fault(self._topic, str(error))
-                await self._is_other_type.wait()
+                        self._fail(str(error))
+                with suppress(TimeoutError):
+                    async with asyncio.timeout(_AGAIN_S if self.fault else None):
+                        await self._is_other_type.wait()
         finally:
             if subscription is not None:
                 with suppress(BusError):
                     await subscription.close()
+
+    def _fail(self, text: str) -> None:
+        if text != self.fault:
+            self.fault = text
+            for listener in [*self.listeners]:
+                listener.on_fault(self._topic, text)
 
     async def _subscribe(self, kind: TypeKind) -> Subscription[Any]:
         schema = await self._node.get_schema(*kind)
@@ -203,6 +215,8 @@ class SharedSubscriptions:
             self._follow(topic)
         shared = self._shared[topic]
         shared.listeners[listener] = None
+        if shared.fault:
+            listener.on_fault(topic, shared.fault)
         for heard in shared.recent(is_last_wanted=is_last_wanted):
             listener.on_message(topic, heard)
 

@@ -225,6 +225,13 @@ def test_a_filter_that_does_not_fit_ends_it(daemon: object) -> None:
         )
 
 
+def test_raw_goes_with_no_option_for_values() -> None:
+    for option in (("--field", "data"), ("--filter", "m.data"), ("--csv",)):
+        result = bus("topic", "echo", "/topic", "--raw", *option)
+        assert (result.code, result.out) == (1, "")
+        assert result.err == "--raw prints encoded messages: leave out --field, --filter and --csv\n"
+
+
 def test_a_field_that_is_not_there_ends_it_at_once(daemon: object) -> None:
     with tell():
         assert bus("topic", "echo", "/topic", "--field", "x") == Result(

@@ -251,6 +251,7 @@ int8 LEAST_8=-128
 int32 LEAST_32=-2147483648
 uint32 MOST_32=4294967295
 int64 LEAST=-9223372036854775808
+int64 ABOVE_32=3000000000
 uint64 MOST=18446744073709551615
 float32 TENTH=0.1
 float64 THIRD=-0.3333333333333333
@@ -263,10 +264,12 @@ EQUAL(YES, true) EQUAL(LEAST_8, -128) EQUAL(LEAST_32, INT32_MIN) EQUAL(MOST_32, 
 EQUAL(LEAST, INT64_MIN) EQUAL(MOST, UINT64_MAX) EQUAL(TENTH, 0.1f) EQUAL(THIRD, -0.3333333333333333)
 EQUAL(THREE, 3) EQUAL(LETTER, 65)
 static uint32_t most = NAME(MOST_32);
+static int64_t below = -NAME(ABOVE_32);
 """
 CHECKS_IN_C = r"""
 #define NAME(constant) demo__msg__Constants__##constant
 #define EQUAL(constant, value) _Static_assert(NAME(constant) == (value), #constant);
+_Static_assert(-NAME(ABOVE_32) == -3000000000LL, "signed");
 """
 CHECKS_IN_CPP = r"""
 #define NAME(constant) demo::msg::Constants::constant
@@ -283,13 +286,24 @@ def test_constants_have_their_values_in_c_and_cpp(package: Path, tmp_path: Path)
     text = bus("interface", "c", "demo/msg/Constants").out
     assert r'#define demo__msg__Constants__TEXT "\303\244 \042x\042 \077\077/"' in text
     assert "#define demo__msg__Wheel__LEFT 1\n" in bus("interface", "c", "demo/msg/Wheel").out
-    main = "int main(void) { return (int)most; }\n"
+    main = "int main(void) { return (int)most + (int)below; }\n"
     (tmp_path / "constants.c").write_text(text + CHECKS_IN_C + CHECKS + main)
     text = bus("interface", "cpp", "demo/msg/Constants").out
     (tmp_path / "constants.cpp").write_text(text + CHECKS_IN_CPP + CHECKS + main)
     for compiler, name, standard in (("gcc", "constants.c", "c11"), ("g++", "constants.cpp", "c++17")):
         options = ("-Wall", "-Wextra", "-Werror", "-fsyntax-only", *INCLUDES)
         c_programs.run(compiler, f"-std={standard}", *options, tmp_path / name)
+
+
+@pytest.mark.skipif(bool(c_programs.why_no_cpp()), reason="no g++")
+def test_a_constant_with_the_name_of_its_message_in_cpp(package: Path, tmp_path: Path) -> None:
+    (package / "msg/LED.msg").write_text("uint8 LED=1\nuint8 OTHER=2\nuint8 number\n")
+    text = bus("interface", "cpp", "demo/msg/LED").out
+    checks = 'static_assert(demo::msg::LED::LED_ == 1 && demo::msg::LED::OTHER == 2, "");\n'
+    (tmp_path / "led.cpp").write_text(text + checks)
+    c_programs.run(
+        "g++", "-std=c++17", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", *INCLUDES, tmp_path / "led.cpp"
+    )
 
 
 def test_c_is_not_for_actions() -> None:

@@ -9,7 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from urllib.request import Request, urlopen
 
@@ -19,6 +19,7 @@ from cli import LISTENER, TALKER, Running, bus, script, start
 from conftest import WAIT_S, Daemon
 
 pytest.importorskip("prometheus_client")
+from bus_cli.metrics.serve import _MOST_CONNECTIONS
 
 _LOOK_S = 0.02
 TOPIC = 'busd_topic_messages_total{topic="/topic"}'
@@ -108,6 +109,21 @@ def test_signals_end_it_with_somebody_connected(socket_path: Path) -> None:
             client.sendall(b"GET")
             fetch(url)
             assert running.end(signal.SIGINT).code == -signal.SIGINT
+
+
+def test_many_slow_connections_keep_nobody_else_out(socket_path: Path) -> None:
+    """Any user of the machine may connect. Above the limit the oldest connection ends."""
+    with exporter() as (running, url), ExitStack() as stack:
+        host, _, port = url.split("/")[2].partition(":")
+        slow = [
+            stack.enter_context(socket.create_connection((host, int(port)), WAIT_S))
+            for _ in range(_MOST_CONNECTIONS + 3)
+        ]
+        for one in slow[3:]:
+            one.sendall(b"GET")
+        assert [one.recv(1) for one in slow[:3]] == [b""] * 3
+        assert "busd_up 0.0" in fetch(url)
+        assert running.end(signal.SIGINT).code == -signal.SIGINT
 
 
 def test_on_loopback(daemon: Daemon) -> None:

@@ -74,7 +74,7 @@ def test_other_formats(adder: Running) -> None:
     with start("service", "echo", "/add_two_ints", "--csv") as echo:
         assert re.fullmatch(r"0,\d+,\d+,(\d+,){16}\d+,1,2", echo.line_with("^0,"))
         assert re.fullmatch(r"2,\d+,\d+,(\d+,){16}\d+,3", echo.line_with("^2,"))
-    with start("service", "echo", "/add_two_ints", "--json") as echo:
+    with start("service", "echo", "/add_two_ints", "--json", "--csv") as echo:  # as in topic echo
         record = msgspec.json.decode(echo.line_with("RESPONSE_SENT"))
         assert record["info"]["event_type"] == "RESPONSE_SENT"
         assert (record["request"], record["response"]) == ([], [{"sum": 3}])

@@ -110,6 +110,12 @@ class TestForAUser:
         quoted = str(config).replace('"', '\\"').replace("%", "%%").replace("\n", "\\n")
         assert f'--config "{quoted}"\n' in (folder / "busd.service").read_text()
 
+    def test_with_a_path_that_is_not_utf_8(self, folder: Path, tmp_path: Path, bus: Bus) -> None:
+        config = tmp_path / os.fsdecode(b"b\xff.toml")
+        config.touch()
+        assert bus("install", "--config", str(config))[0] == 0
+        assert b"/b\xff.toml\n" in (folder / "busd.service").read_bytes()
+
     def test_a_dry_run_writes_nothing(self, folder: Path, bus: Bus) -> None:
         code, said, _ = bus("install", "--dry-run")
         assert code == 0

@@ -5,12 +5,15 @@ Owns the connection, its Hello, and the wait for one answer at a time. Must not 
 
 import os
 import socket
+import struct
 import time
 from collections.abc import Callable, Iterator
 from itertools import count
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self, TypeVar
+from typing import Any, Final, Self, TypeVar
+
+from msgspec import structs
 
 from bus.base.version import RELEASE
 from bus.errors import BrokerUnavailable, ConfigurationError, ConnectionClosed, RemoteProtocolError
@@ -26,6 +29,8 @@ __all__ = ["ANSWER_S", "NotRunning", "Query"]
 A = TypeVar("A", bound=m.Message)
 
 ANSWER_S = 10.0
+_CREDENTIALS: Final = struct.Struct("3i")
+"""`struct ucred`: process id, user, group."""
 
 
 class NotRunning(BrokerUnavailable):
@@ -53,6 +58,7 @@ class Query:
         self._on_slow = on_slow
         self._answer_s = answer_s
         self._session = Session(Role.CLIENT)
+        self._sender = 0
         self._items: Iterator[Any] = iter(())
         self._numbers = count(1)
         patience = Patience(answer_s)
@@ -60,6 +66,7 @@ class Query:
             try:
                 self._socket = _connect(path) or _start(path, patience, may_start=may_start)
                 self.broker: m.Hello = self._greet()
+                """Its Hello. `pid` is as this process sees it: 0 if a PID namespace hides busd."""
                 return
             except NotNow as error:
                 pause_s = patience.pause_s(str(error), error.longest_pause_s)
@@ -124,12 +131,13 @@ class Query:
     def _greet(self) -> m.Hello:
         """Exchange Hellos. Raises NotNow if the broker closes the connection for a temporary reason."""
         self._socket.settimeout(self._answer_s)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_PASSCRED, 1)
         self._session, self._items = Session(Role.CLIENT), iter(())
         try:
             self._send(
                 m.Hello(version=PROTOCOL_VERSION, pid=os.getpid(), program=self._program, release=RELEASE)
             )
-            hello: m.Hello = self._receive()
+            hello: m.Hello = structs.replace(self._receive(), pid=self._sender)
             behind = list(self._items)
             self._items = iter(behind)
             if behind and isinstance(behind[0], m.Fault) and behind[0].again:
@@ -172,17 +180,29 @@ class Query:
         """Wait for bytes. After TELL_S, say once that it waits. Raises TimeoutError."""
         buffer = self._session.reader.get_buffer()
         if self._answer_s <= TELL_S:
-            return self._socket.recv_into(buffer)
+            return self._read_once(buffer)
         self._socket.settimeout(TELL_S)
         try:
-            return self._socket.recv_into(buffer)
+            return self._read_once(buffer)
         except TimeoutError:
             if self._on_slow is not None:
                 self._on_slow(no_answer_yet(self.path))
             self._socket.settimeout(self._answer_s - TELL_S)
-            return self._socket.recv_into(buffer)
+            return self._read_once(buffer)
         finally:
             self._socket.settimeout(self._answer_s)
+
+    def _read_once(self, buffer: memoryview) -> int:
+        """Read bytes, and note the process that sent them.
+
+        The kernel knows it. busd knows only the number in its own PID namespace, and a socket's maker may be
+        systemd.
+        """
+        size, ancillary, _, _ = self._socket.recvmsg_into([buffer], socket.CMSG_SPACE(_CREDENTIALS.size))
+        for level, kind, data in ancillary:
+            if (level, kind, len(data)) == (socket.SOL_SOCKET, socket.SCM_CREDENTIALS, _CREDENTIALS.size):
+                self._sender, _, _ = _CREDENTIALS.unpack(data)
+        return size
 
 
 def _connect(path: Path) -> socket.socket | None:

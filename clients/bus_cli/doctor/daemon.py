@@ -54,7 +54,8 @@ def examine(path: Path, seen: Seen | BusError) -> Iterator[Finding]:
         yield _silent(path, seen)
     else:
         pid, nodes = seen.hello.pid, len(seen.graph.nodes)
-        text = f"pid {pid}, protocol {seen.hello.version}, {counted(nodes, 'node')}"
+        place = f"pid {pid}" if pid else "in another PID namespace"
+        text = f"{place}, protocol {seen.hello.version}, {counted(nodes, 'node')}"
         yield ok("daemon", text + _age(seen.hello))
         yield _release(seen.hello)
         yield from _replaced(seen.hello)

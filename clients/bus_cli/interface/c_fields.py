@@ -111,13 +111,16 @@ def initial(place: str, form: Form, default: Any) -> str:
 
 
 def constant(owner: str, name: str, kind: str, value: Any, language: Language) -> str:
-    """The definition of a constant of the type `owner`: in C a macro, in C++ a member of the struct."""
+    """The definition of a constant of the type `owner`: in C a macro, in C++ a member of the struct.
+
+    A member with the name of its struct gets an underscore at its end.
+    """
     if isinstance(value, bytes):  # of the type byte
         value = value[0]
     text = _value(value)
     if kind == "float32":
         text = f"(float){text}"
-    elif isinstance(value, int) and 2**31 <= value < 2**32:
+    elif kind.startswith("u") and isinstance(value, int) and 2**31 <= value < 2**32:
         text += "u"
     if language is C:
         is_one_word = text.isalnum() or isinstance(value, str)
@@ -126,6 +129,8 @@ def constant(owner: str, name: str, kind: str, value: Any, language: Language) -
         declared = language.text
     else:
         declared = _FLOATS.get(kind) or _INTEGERS.get(kind, ({"byte": "uint8_t"}.get(kind, kind), ""))[0]
+    if name == owner.rpartition("/")[2]:
+        name += "_"  # a member may not have the name of its struct
     return f"static constexpr {declared} {name} = {text};"
 
 

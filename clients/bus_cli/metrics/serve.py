@@ -6,7 +6,9 @@ Reason: a web page in a browser can reach loopback, too, if its owner lets a nam
 import errno
 import re
 import socket
+import threading
 from collections.abc import Iterable
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 from wsgiref.simple_server import WSGIRequestHandler, make_server
 
@@ -22,14 +24,39 @@ if TYPE_CHECKING:
 __all__ = ["Server", "open_server"]
 
 _SILENCE_S = 10.0
+_MOST_CONNECTIONS = 64
 _PORT = re.compile(r":[0-9]*$")
 
 
 class Server(ThreadingWSGIServer):
-    """HTTP server with a thread for each request."""
+    """HTTP server with a thread for each request.
+
+    It has a limit of connections, because any user of the machine may connect. Above it, the oldest one ends.
+    """
 
     place: Place
     """Address on which it listens."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        self._lock = threading.Lock()
+        self._connections: dict[Any, None] = {}
+        """The oldest first."""
+        super().__init__(*args, **kwargs)
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        with self._lock:
+            self._connections[request] = None
+            surplus = list(self._connections)[:-_MOST_CONNECTIONS]
+            for oldest in surplus:
+                del self._connections[oldest]
+                with suppress(OSError):
+                    oldest.shutdown(socket.SHUT_RDWR)  # its thread reads the end, and closes it
+        super().process_request(request, client_address)
+
+    def shutdown_request(self, request: Any) -> None:
+        with self._lock:
+            self._connections.pop(request, None)
+        super().shutdown_request(request)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Print nothing: a client that hangs up or stays silent is not an error."""

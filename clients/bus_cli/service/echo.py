@@ -99,7 +99,7 @@ def _type_of(service: str, graph: "Graph") -> str:
 
 
 def _print(args: Namespace, plain: dict[str, Any]) -> None:
-    if args.csv:
+    if args.csv and not args.json:
         say(to_csv(plain))
         return
     number = plain["info"]["event_type"]

@@ -78,6 +78,8 @@ def main(args: Namespace) -> int:
 
 
 async def _echo(args: Namespace) -> int:
+    if args.raw and (args.field or args.filter or args.csv):
+        raise CommandError("--raw prints encoded messages: leave out --field, --filter and --csv")
     passes = None
     if args.filter:
         from bus_cli.filter import compile_filter  # imports Python's parser

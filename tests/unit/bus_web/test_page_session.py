@@ -4,12 +4,13 @@ import asyncio
 from contextlib import suppress
 
 import msgspec
+import pytest
 
 from bus.msg.std_msgs import Float64MultiArray
-from bus_web import page_session
+from bus_web import hub, page_session
 from bus_web.page_session import PageSession
 from semantics import until
-from web_world import WebWorld
+from web_world import ListSocket, WebWorld
 
 
 async def test_a_value_has_the_extremes_of_the_messages_before_it() -> None:
@@ -70,4 +71,27 @@ async def test_what_is_made_of_a_message_is_kept_for_a_few_pages_only() -> None:
     running.cancel()
     with suppress(asyncio.CancelledError):
         await running
+    await world.close()
+
+
+async def test_a_page_learns_of_the_loss_of_busd_at_any_moment(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One is opened while busd is away; another one is slow at that moment."""
+    for name in ("_LOOK_S", "_REST_S", "_CONNECTION_S"):
+        monkeypatch.setattr(hub, name, 0.001)
+    world = WebWorld()
+    world.look()
+    slow, late = ListSocket(), ListSocket()
+    slow.may_send.clear()
+    async with asyncio.TaskGroup() as group:
+        running = [group.create_task(PageSession(world.hub, slow, "a bus").run())]
+        await until(lambda: world.hub.has_looked)
+        monkeypatch.setattr(world.node, "is_connected", False)
+        await until(lambda: world.hub.is_lost)
+        slow.may_send.set()
+        running.append(group.create_task(PageSession(world.hub, late, "a bus").run()))
+        for socket in (slow, late):
+            await until(lambda socket=socket: any(one["op"] == "bus" for one in socket.texts()))
+            assert not next(one for one in socket.texts() if one["op"] == "bus")["is_up"]
+        for task in running:
+            task.cancel()
     await world.close()

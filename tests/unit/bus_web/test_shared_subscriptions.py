@@ -6,12 +6,15 @@ from weakref import ref
 
 import pytest
 
+from bus.errors import QuotaExceeded
 from bus.msg.std_msgs import Int32, String
 from bus.qos import Durability, QoSProfile, Reliability
 from bus.schema import MessageSchema, schema_of
 from bus.types.support import type_support
+from bus_web import shared_subscriptions as module
 from bus_web.kept import Kept
 from bus_web.shared_subscriptions import Heard
+from semantics import until
 from web_world import WebWorld, turns
 
 LATCHED = QoSProfile(2, durability=Durability.TRANSIENT_LOCAL)
@@ -105,6 +108,32 @@ async def test_a_type_that_nobody_describes() -> None:
     world.hub.subscriptions.add("/x", listener := Listener())
     await turns()
     assert listener.faults == ["no endpoint has a/msg/B any more"]
+    await world.close()
+
+
+async def test_a_refusal_is_told_to_later_viewers_and_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "_AGAIN_S", 0.001)
+    world = WebWorld()
+    chatter = world.add("publisher", "/talker", "/chatter", String)
+    world.look()
+    get_schema, tries = world.node.get_schema, 0
+
+    async def refuse(*kind: str) -> MessageSchema:
+        nonlocal tries
+        tries += 1
+        raise QuotaExceeded("endpoints", used=2, limit=2)
+
+    monkeypatch.setattr(world.node, "get_schema", refuse)
+    first, second = Listener(), Listener()
+    world.hub.subscriptions.add("/chatter", first)
+    await until(lambda: tries > 2)
+    world.hub.subscriptions.add("/chatter", second)
+    (text,) = first.faults
+    assert text.startswith("endpoints: 2 of 2 in use") and second.faults == [text]
+    monkeypatch.setattr(world.node, "get_schema", get_schema)
+    await until(lambda: world.node.subscriptions)
+    world.publish(chatter, String(data="a"))
+    assert first.values == second.values == ["a"]
     await world.close()
 
 
