@@ -99,7 +99,8 @@ class Silences:
                 self._evict(now_ns, peer, f"no sign of life for {silent_ns / 1e9:.1f} s")
                 return
         elif not peer.is_silent:
-            match.await_acks()
+            if match.acked_seq is None:  # else it was not excused: its account goes on
+                match.await_acks()
         elif match.excuse():
             self._meter.left -= len(match.publisher.awaited) // LOOKS_PER_UNIT
             give_credit(match.publisher, self._emit)

@@ -299,8 +299,15 @@ class Sender:
         self._room.waiters.release()
 
     def drop_queued(self) -> int:
-        """Drop samples that could not be handed over; returns their number."""
-        return self.socket.drop_queued()
+        """Drop samples that could not be handed over, and log their number; returns it."""
+        late = self._from_threads.drop()
+        self.socket.replaced += late
+        if lost := late + self.socket.drop_queued():
+            from bus.base.counted import counted  # few programs lose messages at their end
+
+            text = f"{counted(lost, 'message')} on '{self._owner.topic_name}' could not be handed over"
+            self._logger.warning(text)
+        return lost
 
     def end(self, reason: BusError) -> None:
         """Take no more samples: raise `reason` for them."""
@@ -517,12 +524,15 @@ class Sender:
 
     def _put_from_thread(self, payload: bytes, stamp_ns: int) -> bool:
         releases = self._room.releases
-        if not self.socket.can_take(len(payload)):
-            return self._room.refuse(releases, lacks_credit=True)
         # With a ring, samples that wait for the loop need no bound by number: the ring itself keeps the
         # newest.
         depth = self._depth if self.ring is None and self._depth else 1 << 30
-        if self._from_threads.put(payload, stamp_ns, depth):
+        with self._from_threads.lock:
+            has_room = self.socket.can_take(len(payload))
+            must_tell = has_room and self._from_threads.put(payload, stamp_ns, depth)
+        if not has_room:
+            return self._room.refuse(releases, lacks_credit=True)
+        if must_tell:
             try:
                 self._port.soon_threadsafe(self._collect_from_threads)
             except RuntimeError:
@@ -531,9 +541,10 @@ class Sender:
 
     def _collect_from_threads(self) -> None:
         """Publish, on the event loop, the samples of other threads."""
-        skipped = self._from_threads.collect()
         if self._totals is not None:
+            self.drop_queued()  # they came during the end
             return
+        skipped = self._from_threads.collect()
         if self.ring is None:
             self.socket.skip(skipped)
         else:

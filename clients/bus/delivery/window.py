@@ -65,10 +65,11 @@ class CreditWindow:
 
         There is always room for a single sample, whatever its size.
         """
-        run = self._run
-        if run.budget >= size + RECORD_HEAD_BYTES and run.samples < run.most:
+        run, waiting = self._run, self._threads.count
+        # The open run has its room already, but samples of threads take room that it does not know.
+        if not waiting and run.budget >= size + RECORD_HEAD_BYTES and run.samples < run.most:
             return True
-        if not (self._flying or run.samples or self._threads.count):
+        if not (self._flying or run.samples or waiting):
             return True
         return self._room >= size + RECORD_HEAD_BYTES
 

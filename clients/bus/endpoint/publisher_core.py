@@ -122,11 +122,7 @@ class PublisherCore(EndpointCore[M]):
         with contextlib.suppress(TimeoutError, ConnectionClosed):
             async with asyncio.timeout(_DRAIN_S if self.id else 0):
                 await self.sender.flush()
-        lost = self.sender.drop_queued()
-        if lost:
-            from bus.base.counted import counted
-
-            self.logger.warning(f"{counted(lost, 'message')} on '{self.topic_name}' could not be handed over")
+        self.sender.drop_queued()
 
     # --- for the link
 

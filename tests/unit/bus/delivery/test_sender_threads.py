@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from bus.errors import ConnectionClosed
 from bus.publisher import Publisher
 from bus.qos import QoSProfile
 from busd.core.limits import Limits
@@ -113,6 +114,50 @@ def test_of_keep_all_they_may_take_all_the_room_in_one_turn(route: str) -> None:
     assert number == 20
     assert pair.publish() == 1
     assert pair.heard() == [21]
+
+
+def test_of_keep_all_they_take_no_more_room_beside_an_open_run() -> None:
+    """A callback has published by socket, and blocks the event loop now."""
+    pair = Pair("socket", KEEP_ALL, world=ClientWorld(Limits(keep_all_window_messages=10)))
+    assert pair.talker.publish(pair.publisher, 2) == 2
+    assert pair.publisher._sender.socket.run.samples
+    number = 2
+    while from_thread(pair.talker, pair.publisher, pair.publisher._encode(Numbered(0, number + 1))):
+        number += 1
+        assert number <= 10
+    assert number == 10
+    pair.world.settle()
+    assert pair.heard() == list(range(1, 11))
+
+
+@by_either
+@pytest.mark.parametrize("ends", [False, True])
+def test_at_the_end_those_without_room_are_counted_and_logged(
+    route: str, ends: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`ends`: they come while the publisher ends already."""
+    pair = Pair(route, KEEP_ALL)
+    if not ends:
+        while pair.talker.publish(pair.publisher, 1, PADDING):
+            pass
+        if route == "socket":
+            pair.talker.hang_up()
+    core = pair.publisher._core
+    from_threads = core.sender._from_threads
+    with from_threads.lock:
+        from_threads.put(pair.publisher._encode(Numbered(0, 1000, PADDING)), 1, 100)
+    before = pair.publisher.statistics()
+    if ends:
+        core.end(ConnectionClosed("closed"))
+        core.sender._collect_from_threads()
+        expected = 1
+    else:
+        core.sender._collect_from_threads()
+        expected = pair.publisher.statistics().queued
+        assert core.sender.drop_queued() == expected > 0
+    found = pair.publisher.statistics()
+    assert (found.queued, found.replaced) == (0, before.replaced + expected)
+    assert "could not be handed over" in capsys.readouterr().err
 
 
 @by_either

@@ -77,6 +77,16 @@ def test_samples_are_held_until_they_are_taken() -> None:
     assert (queue.count, queue.held_bytes) == (0, 0)
 
 
+def test_dropped_samples_are_counted_with_those_replaced_before() -> None:
+    queue = ThreadQueue(1000)
+    queue.put(b"a", 1, MANY)
+    queue.collect()
+    for stamp_ns in (2, 3, 4):
+        queue.put(b"b", stamp_ns, 2)
+    assert queue.drop() == 4
+    assert (queue.count, queue.held_bytes, queue.drop()) == (0, 0, 0)
+
+
 def test_a_sample_whose_taking_fails_stays() -> None:
     queue = ThreadQueue(1000)
     queue.put(b"a", 1, MANY)

@@ -72,6 +72,18 @@ def test_the_open_run_takes_room() -> None:
     assert not filled.has_room
 
 
+def test_samples_of_other_threads_take_room_beside_an_open_run() -> None:
+    filled = Filled(4)
+    filled.run.begin(PAYLOAD, 1)
+    filled.run.budget = filled.window.bound(1 << 16)
+    taken = 0
+    while filled.has_room:
+        filled.threads.put(PAYLOAD, 1, depth=100)
+        taken += 1
+        assert taken < 100
+    assert taken == 3
+
+
 def test_samples_of_other_threads_take_room_by_number_and_by_bytes() -> None:
     for samples, size in ((2, 1 << 20), (100, 2 * RECORD_BYTES)):
         filled = Filled(samples, size)

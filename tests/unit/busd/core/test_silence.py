@@ -271,9 +271,10 @@ class TestWhoWaits:
     def test_it_is_heard_before_all_are_told(self, world: World) -> None:
         """The last state that they are told is true."""
         silent, lively = world.process(), world.process()
+        ends = []
         for at in range(100):
-            silent.subscription(f"/t{at}", ALL)
-            lively.publisher(f"/t{at}", ALL).publish("x")
+            ends.append((silent.subscription(f"/t{at}", ALL), lively.publisher(f"/t{at}", ALL)))
+            ends[at][1].publish("x")
         pass_time(world, 9, lively)
         world.budget = 1
         world.now_ns += SECOND
@@ -285,6 +286,11 @@ class TestWhoWaits:
         last = {one.publisher: one.is_over for one in lively.got(m.Silence)}
         assert list(last.values()) == [True] * 100
         assert all(one.awaited for one in world.broker.graph.publishers.values())
+        told = {publisher.id: credits(publisher) for _, publisher in ends}
+        for subscription, publisher in ends:
+            subscription.ack(publisher, 1)
+        assert {publisher.id: credits(publisher) for _, publisher in ends} == {number: [1] for number in told}
+        assert 0 < sum(bool(seqs) for seqs in told.values()) < 100
 
 
 class TestOlderPrograms:
