@@ -116,13 +116,13 @@ class BagOutput:
         """Continue in the next file. It begins with the state of latched topics, at `log_time`."""
         self._before_split()
         self._writer.split()
-        if self._splitting is not None:
-            self._splitting.split(self._size())
         now_ns = self._now_ns() if log_time is None else log_time
         for one in self._latched.state(monotonic_ns()):
             topic = self.topics[one.topic]
             if topic.channel is not None:
                 topic.repeated += self._write_one(topic, topic.channel, one.message, now_ns)
+        if self._splitting is not None:  # only now: the limit of bytes does not cover the state
+            self._splitting.split(self._size())
 
     def _split_if_due(self, splitting: Splitting, log_time: int) -> None:
         """Begin a further file before a message of that time if that is due."""

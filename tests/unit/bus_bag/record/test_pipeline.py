@@ -217,6 +217,17 @@ def test_a_file_that_begins_within_a_batch_has_what_the_batch_brought_before(fol
     ]
 
 
+def test_the_limit_of_bytes_does_not_cover_the_state(folder: Path) -> None:
+    """Otherwise a state above the limit gives each message a file of its own."""
+    world = World(folder, max_cache_size=0, max_bag_size=5000)
+    latched, plain = world.topic("/map", is_latched=True), world.topic("/topic")
+    world.put(latched, "x" * 10_000)
+    world.put(plain, *["x" * 1000] * 20)
+    world.pipeline.flush()
+    world.finish()
+    assert 2 < len(world.bag.files) <= 5
+
+
 def _story(world: World, *, has_snapshots: bool) -> dict[str, TopicLosses]:
     """Messages of many kinds: latched ones, some in a pause, some that don't have the type, several files."""
     latched, plain = world.topic("/map", is_latched=True), world.topic("/topic")
