@@ -61,8 +61,7 @@ class BagOutput:
     def describe_topics(self) -> None:
         """Add all topics to the bag, also those without messages."""
         for topic in self.topics.values():
-            if topic.channel is None:
-                self._add_channel(topic)
+            self._channel(topic)
 
     def write(self, topic: RecordedTopic, samples: Batch, size: int, *, is_paused: bool) -> None:
         """Write messages; their payloads have `size` bytes. `is_paused`: handle them as messages of a
@@ -75,7 +74,7 @@ class BagOutput:
             self._write_state(self._latched.take_unwritten())
         channel = topic.channel
         if channel is None:
-            channel = self._add_channel(topic)
+            channel = self._channel(topic)
         if self._splitting is not None and samples:
             self._split_if_due(self._splitting, log_time_of(samples))
         if isinstance(samples, Packed):
@@ -118,9 +117,13 @@ class BagOutput:
         self._writer.split()
         now_ns = self._now_ns() if log_time is None else log_time
         for one in self._latched.state(monotonic_ns()):
-            topic = self.topics[one.topic]
-            if topic.channel is not None:
-                topic.repeated += self._write_one(topic, topic.channel, one.message, now_ns)
+            if one.is_written:
+                topic = self.topics[one.topic]
+                topic.repeated += self._write_one(topic, self._channel(topic), one.message, now_ns)
+            elif not self._is_snapshot:  # a pause has brought it; a snapshot writes its memory only if called
+                self._write_state([one])
+        if not self._is_snapshot:
+            self._latched.mark_written()
         if self._splitting is not None:  # only now: the limit of bytes does not cover the state
             self._splitting.split(self._size())
 
@@ -172,9 +175,10 @@ class BagOutput:
         for one in state:
             topic = self.topics[one.topic]
             topic.passed_over -= 1
-            channel = self._add_channel(topic) if topic.channel is None else topic.channel
-            topic.written += self._write_one(topic, channel, one.message, now_ns)
+            topic.written += self._write_one(topic, self._channel(topic), one.message, now_ns)
 
-    def _add_channel(self, topic: RecordedTopic) -> int:
-        topic.channel = self._writer.add_topic(topic.metadata, topic.encoder.definition, topic.extra)
+    def _channel(self, topic: RecordedTopic) -> int:
+        """The topic's channel; adds the topic to the bag before its first message."""
+        if topic.channel is None:
+            topic.channel = self._writer.add_topic(topic.metadata, topic.encoder.definition, topic.extra)
         return topic.channel

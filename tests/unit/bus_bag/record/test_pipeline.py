@@ -296,6 +296,36 @@ def test_what_came_in_a_pause_is_taken_up_as_state(folder: Path) -> None:
     assert [one[2].log_time for one in world.bag.messages(world.bag.files[0], "/map")] == [1000]
 
 
+@pytest.mark.parametrize("is_repeated", [False, True])
+def test_a_further_file_has_what_came_in_the_pause(folder: Path, is_repeated: bool) -> None:
+    """Also if it is the first message of its topic."""
+    world = World(folder)
+    latched = world.topic("/map", is_latched=True)
+    if is_repeated:
+        world.put(latched, "old")
+    world.put(latched, "hall", is_paused=True)
+    world.pipeline.pump()
+    world.pipeline.split()
+    world.pipeline.resume()
+    losses = world.finish()
+    assert [len(world.bag.messages(file, "/map")) for file in world.bag.files] == [is_repeated, 1]
+    assert world.bag.texts("/map")[-1] == "hall"
+    written = 1 + is_repeated
+    assert losses["/map"] == TopicLosses(written, written)
+
+
+def test_a_snapshot_after_a_split_has_the_state(folder: Path) -> None:
+    world = World(folder, is_snapshot=True, max_cache_size=10)
+    latched, plain = world.topic("/map", is_latched=True), world.topic("/topic")
+    world.put(latched, "hall")
+    world.put(plain, "forgotten", "kept")  # the map has left the memory
+    world.pipeline.split()
+    world.pipeline.snapshot()
+    losses = world.finish()
+    assert (world.bag.texts("/map"), world.bag.texts("/topic")) == (["hall"], ["kept"])
+    assert losses["/map"] == TopicLosses(1, 1)
+
+
 def test_others_read_topics_whose_publishers_came_later(folder: Path) -> None:
     """rosbags wants the same profiles in metadata.yaml and in each file, as ROS 2 writes them."""
     world = World(folder)
