@@ -342,6 +342,8 @@ class TestServices:
         assert texts == [str(number) for number in range(40)][-len(texts) :]
         assert 10 <= len(texts) < 40
         assert bag.texts("/map") == ["hall"]
+        (file,) = bag.files
+        assert bag.messages(file, "/map")[0][2].log_time <= bag.messages(file, "/topic")[0][2].log_time
         assert bag.losses()["/topic"] == TopicLosses(len(texts), len(texts))
 
 

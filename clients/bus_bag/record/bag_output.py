@@ -4,7 +4,7 @@ Each further file begins with the state of the latched topics, so it can be play
 paused, only that state is kept. It is written when the recording continues.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from time import monotonic_ns
 
 from bus.vocabulary import DropReason
@@ -71,7 +71,7 @@ class BagOutput:
             self.keep(topic, samples, is_written=False)
             return
         if self._latched.has_unwritten and not self._is_snapshot:
-            self._write_state(self._latched.take_unwritten())
+            self._write_state(self._latched.take_unwritten(), self._now_ns())
         channel = topic.channel
         if channel is None:
             channel = self._channel(topic)
@@ -94,11 +94,13 @@ class BagOutput:
             if topic.is_latched and not self._is_snapshot:
                 self.keep(topic, [sample], is_written=True)
 
-    def write_state_before(self, batches: Iterable[Iterable[Sample]]) -> None:
-        """Write the unwritten state of latched topics, without the messages in `batches`."""
-        present = {id(sample) for samples in batches for sample in samples}
+    def write_state_before(self, batches: Sequence[Batch]) -> None:
+        """Write the unwritten state of latched topics, without the messages in `batches`, which follow it. It
+        gets the time of the first of them, because readers sort by time."""
+        log_time = min(map(log_time_of, batches), default=self._now_ns())
+        present = {id(one) for batch in batches if not isinstance(batch, Packed) for one in batch}
         unwritten = self._latched.take_unwritten()
-        self._write_state([one for one in unwritten if id(one.message) not in present])
+        self._write_state([one for one in unwritten if id(one.message) not in present], log_time)
 
     def keep(self, topic: RecordedTopic, samples: Batch, *, is_written: bool) -> None:
         """Keep the state of a topic if its publishers keep messages for late joiners."""
@@ -121,7 +123,7 @@ class BagOutput:
                 topic = self.topics[one.topic]
                 topic.repeated += self._write_one(topic, self._channel(topic), one.message, now_ns)
             elif not self._is_snapshot:  # a pause has brought it; a snapshot writes its memory only if called
-                self._write_state([one])
+                self._write_state([one], now_ns)
         if not self._is_snapshot:
             self._latched.mark_written()
         if self._splitting is not None:  # only now: the limit of bytes does not cover the state
@@ -169,13 +171,12 @@ class BagOutput:
         self.messages += 1
         return 1
 
-    def _write_state(self, state: Iterable[Latched[Sample]]) -> None:
-        """Write kept messages, as the state of this moment."""
-        now_ns = self._now_ns()
+    def _write_state(self, state: Iterable[Latched[Sample]], log_time: int) -> None:
+        """Write kept messages, as the state of that time."""
         for one in state:
             topic = self.topics[one.topic]
             topic.passed_over -= 1
-            topic.written += self._write_one(topic, self._channel(topic), one.message, now_ns)
+            topic.written += self._write_one(topic, self._channel(topic), one.message, log_time)
 
     def _channel(self, topic: RecordedTopic) -> int:
         """The topic's channel; adds the topic to the bag before its first message."""

@@ -14,7 +14,7 @@ from bus.vocabulary import DropReason
 from bus_bag.errors import BagError
 from bus_bag.losses import RECORD, LossDates, TopicLosses, to_record
 from bus_bag.record.bag_output import BagOutput
-from bus_bag.record.batch import Batch, Packed, size_of
+from bus_bag.record.batch import Batch, size_of
 from bus_bag.record.cache import Cache
 from bus_bag.record.options import RecordOptions
 from bus_bag.record.topic import RecordedTopic
@@ -204,9 +204,7 @@ class Pipeline:
         batches = []
         while self._cache.waiting:
             batches.append(self._cache.take())
-        self._output.write_state_before(
-            samples for _, (samples, _, _), _ in batches if not isinstance(samples, Packed)
-        )
+        self._output.write_state_before([samples for _, (samples, _, _), _ in batches if samples])
         for name, (samples, size, is_paused), _ in batches:
             self._output.write(self._output.topics[name], samples, size, is_paused=is_paused)
         self._writer.flush()

@@ -326,6 +326,20 @@ def test_a_snapshot_after_a_split_has_the_state(folder: Path) -> None:
     assert losses["/map"] == TopicLosses(1, 1)
 
 
+def test_a_snapshot_begins_with_the_state(folder: Path) -> None:
+    world = World(folder, is_snapshot=True, max_cache_size=12)
+    latched, plain = world.topic("/map", is_latched=True), world.topic("/topic")
+    world.put(latched, "hall", at=1)
+    for number in range(2, 10):
+        world.put(plain, str(number), at=number)
+    world.pipeline.snapshot()
+    world.finish()
+    (state,) = world.bag.messages(world.bag.files[0], "/map")
+    first = world.bag.messages(world.bag.files[0], "/topic")[0]
+    assert 2 < first[2].log_time < 9
+    assert state[2].log_time == first[2].log_time
+
+
 def test_others_read_topics_whose_publishers_came_later(folder: Path) -> None:
     """rosbags wants the same profiles in metadata.yaml and in each file, as ROS 2 writes them."""
     world = World(folder)
