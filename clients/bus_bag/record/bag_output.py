@@ -64,18 +64,18 @@ class BagOutput:
             self._channel(topic)
 
     def write(self, topic: RecordedTopic, samples: Batch, size: int, *, is_paused: bool) -> None:
-        """Write messages; their payloads have `size` bytes. `is_paused`: handle them as messages of a
-        pause."""
+        """Write at least one message; the payloads have `size` bytes. `is_paused`: handle them as messages
+        of a pause."""
         if is_paused:
             topic.passed_over += len(samples)
             self.keep(topic, samples, is_written=False)
             return
         if self._latched.has_unwritten and not self._is_snapshot:
-            self._write_state(self._latched.take_unwritten(), self._now_ns())
+            self._write_state(self._latched.take_unwritten(), log_time_of(samples))
         channel = topic.channel
         if channel is None:
             channel = self._channel(topic)
-        if self._splitting is not None and samples:
+        if self._splitting is not None:
             self._split_if_due(self._splitting, log_time_of(samples))
         if isinstance(samples, Packed):
             if self._write_packed(topic, channel, samples):
@@ -113,17 +113,21 @@ class BagOutput:
                         topic.name, sample[1].publisher_gid, sample, len(sample[0]), is_written=is_written
                     )
 
-    def split(self, log_time: int | None = None) -> None:
+    def resume(self, log_time: int) -> None:
+        """Write the latched messages of a pause that ends at `log_time`."""
+        if not self._is_snapshot:
+            self._write_state(self._latched.take_unwritten(), log_time)
+
+    def split(self, log_time: int) -> None:
         """Continue in the next file. It begins with the state of latched topics, at `log_time`."""
         self._before_split()
         self._writer.split()
-        now_ns = self._now_ns() if log_time is None else log_time
         for one in self._latched.state(monotonic_ns()):
             if one.is_written:
                 topic = self.topics[one.topic]
-                topic.repeated += self._write_one(topic, self._channel(topic), one.message, now_ns)
+                topic.repeated += self._write_one(topic, self._channel(topic), one.message, log_time)
             elif not self._is_snapshot:  # a pause has brought it; a snapshot writes its memory only if called
-                self._write_state([one], now_ns)
+                self._write_state([one], log_time)
         if not self._is_snapshot:
             self._latched.mark_written()
         if self._splitting is not None:  # only now: the limit of bytes does not cover the state

@@ -6,8 +6,10 @@ never waits for the disk: messages that the thread can't accept yet wait in the 
 """
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from time import monotonic_ns
+from typing import TypeAlias
 
 from bus.errors import BusError
 from bus.vocabulary import DropReason
@@ -34,6 +36,10 @@ _TURN_NS = 2_000_000
 
 _Faults = (BusError, OSError)
 
+_Waiting: TypeAlias = tuple[Batch, int, bool] | Callable[[], object]
+"""Messages, their bytes, and whether they came in a pause; or a request, whose turn comes after all messages
+from before it."""
+
 
 class Pipeline:
     """The pipeline of one recording. `now_ns` is the clock of log times.
@@ -58,9 +64,7 @@ class Pipeline:
         self._on_progress = on_progress
         self._is_snapshot = options.is_snapshot
         self._crowd = options.max_cache_size // 2
-        self._cache: Cache[tuple[Batch, int, bool]] = Cache(
-            options.max_cache_size, is_circular=options.is_snapshot
-        )
+        self._cache: Cache[_Waiting] = Cache(options.max_cache_size, is_circular=options.is_snapshot)
         self._dates = LossDates()
         self._now_ns = now_ns
         self._failure: BaseException | None = None
@@ -161,7 +165,8 @@ class Pipeline:
         return not (self._is_snapshot and topic.is_latched)  # a snapshot tells its latched messages apart
 
     def put(self, topic: RecordedTopic, samples: Batch, *, is_paused: bool) -> None:
-        """Add taken messages. While the recording is paused, only the state of latched topics is kept."""
+        """Add at least one taken message. While the recording is paused, only the state of latched topics is
+        kept."""
         size = size_of(samples)
         if self._is_snapshot:
             self._output.keep(topic, samples, is_written=False)
@@ -173,9 +178,20 @@ class Pipeline:
         self._cache.put(topic.name, batch, len(samples), size, may_be_lost=may_be_lost)
 
     def resume(self) -> None:
-        """Write the latched messages of the pause; they come first."""
-        for topic in tuple(self._output.topics.values())[:1]:
-            self.put(topic, [], is_paused=False)  # an empty batch of any topic carries it
+        """Write the latched messages of the pause; they come before later messages."""
+        self._in_turn(partial(self._output.resume, self._now_ns()))
+
+    def split(self) -> None:
+        """Continue in the next file, which begins with the state of latched topics. Messages from before this
+        call still go into the present file."""
+        self._in_turn(partial(self._output.split, self._now_ns()))
+
+    def _in_turn(self, request: Callable[[], object]) -> None:
+        """Do it after the messages that wait now. Those of a snapshot do not wait for their turn."""
+        if self._thread is None or self._is_snapshot:
+            request()
+        else:
+            self._cache.put("", request, 0, 0, may_be_lost=False)
 
     # --- messages out
 
@@ -187,8 +203,12 @@ class Pipeline:
             return False
         until_ns = monotonic_ns() + _TURN_NS
         while cache.waiting and thread.waiting_bytes < _MOST_IN_FLIGHT:
-            name, (samples, size, is_paused), _ = cache.take()
-            self._output.write(self._output.topics[name], samples, size, is_paused=is_paused)
+            name, waiting, _ = cache.take()
+            if isinstance(waiting, tuple):
+                samples, size, is_paused = waiting
+                self._output.write(self._output.topics[name], samples, size, is_paused=is_paused)
+            else:
+                waiting()
             if monotonic_ns() >= until_ns:
                 break
         return cache.waiting > 0 and thread.waiting_bytes < _MOST_IN_FLIGHT
@@ -203,15 +223,13 @@ class Pipeline:
         self._settle_cache()
         batches = []
         while self._cache.waiting:
-            batches.append(self._cache.take())
-        self._output.write_state_before([samples for _, (samples, _, _), _ in batches if samples])
-        for name, (samples, size, is_paused), _ in batches:
-            self._output.write(self._output.topics[name], samples, size, is_paused=is_paused)
+            name, waiting, _ = self._cache.take()
+            if isinstance(waiting, tuple):
+                batches.append((self._output.topics[name], *waiting))
+        self._output.write_state_before([samples for _, samples, _, _ in batches])
+        for topic, samples, size, is_paused in batches:
+            self._output.write(topic, samples, size, is_paused=is_paused)
         self._writer.flush()
-
-    def split(self) -> None:
-        """Continue in the next file, which begins with the state of latched topics."""
-        self._output.split()
 
     def write_losses(self) -> None:
         """Write the counters into the file."""

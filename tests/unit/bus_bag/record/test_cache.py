@@ -46,6 +46,16 @@ def test_what_is_larger_than_all_room_has_it_alone() -> None:
     assert (drain(cache), cache.lost) == (["c2"], {"camera": 1})
 
 
+def test_an_entry_without_bytes_takes_no_room() -> None:
+    cache: Cache[str] = Cache(100)
+    cache.put("camera", "c1", 1, 150)
+    cache.put("", "request", 0, 0, may_be_lost=False)
+    assert (cache.lost, cache.waiting) == ({}, 2)
+    cache.put("camera", "c2", 1, 150)
+    assert (cache.lost, cache.waiting) == ({"camera": 1}, 2)
+    assert cache.clear() == {"camera": 1}
+
+
 def test_batches_that_may_not_be_lost() -> None:
     cache: Cache[str] = Cache(100)
     cache.put("log", "l1", 1, 90, may_be_lost=False)

@@ -56,13 +56,14 @@ class World:
     ) -> None:
         self._is_packed = is_packed
         self._uses_core = uses_core
+        self.now_ns = 1000
         self.may_write = threading.Event()
         self.progress = threading.Semaphore(0)
         self.rejected: list[str] = []
         self.splits: list[tuple[str, str]] = []
         self.pipeline = Pipeline(
             RecordOptions(folder=folder, wanted=Wanted(), **options),
-            now_ns=lambda: 1000,
+            now_ns=lambda: self.now_ns,
             on_progress=self.progress.release,
             on_split=lambda closed, opened: self.splits.append((closed.name, opened.name)),
             on_reject=lambda topic, error: self.rejected.append(topic.name),
@@ -285,15 +286,49 @@ def test_the_same_files_from_buffers_as_one_by_one(tmp_path: Path, options: dict
 def test_what_came_in_a_pause_is_taken_up_as_state(folder: Path) -> None:
     world = World(folder)
     latched, plain = world.topic("/map", is_latched=True), world.topic("/topic")
-    world.put(plain, "unheard", is_paused=True)
-    world.put(latched, "old", "hall", is_paused=True)
+    world.put(plain, "unheard", at=1, is_paused=True)
+    world.put(latched, "old", "hall", at=2, is_paused=True)
+    world.now_ns = 3
     world.pipeline.resume()
-    world.pipeline.pump()
-    world.put(plain, "heard")
+    world.put(plain, "heard", at=4)
+    world.now_ns = 5
     losses = world.finish()
     assert losses == {"/map": TopicLosses(1, 1), "/topic": TopicLosses(1, 1)}
     assert world.bag.texts("/map") == ["hall"]
-    assert [one[2].log_time for one in world.bag.messages(world.bag.files[0], "/map")] == [1000]
+    assert [one[2].log_time for one in world.bag.messages(world.bag.files[0], "/map")] == [3]
+
+
+def test_a_split_does_not_overtake_waiting_messages(folder: Path) -> None:
+    world = World(folder, is_slow=True)
+    latched, plain = world.topic("/map", is_latched=True), world.topic("/topic")
+    world.put(latched, "old", at=1)
+    world.pipeline.pump()
+    world.put(latched, "new", at=5)
+    world.now_ns = 6
+    world.pipeline.split()
+    world.put(plain, "later", at=7)
+    world.now_ns = 8
+    losses = world.finish()
+    files = [
+        [
+            (one.log_time, one.data[8:11])
+            for name in ("/map", "/topic")
+            for *_, one in world.bag.messages(file, name)
+        ]
+        for file in world.bag.files
+    ]
+    assert files == [[(1, b"old"), (5, b"new")], [(6, b"new"), (7, b"lat")]]
+    assert losses["/map"] == TopicLosses(2, 2)
+
+
+def test_a_request_that_is_dropped_is_no_loss(folder: Path) -> None:
+    world = World(folder, is_slow=True)
+    world.put(world.topic("/topic"), "a")
+    world.pipeline.split()
+    world.pipeline.resume()
+    world.pipeline.drop()
+    assert world.finish()["/topic"].lost == {"not_written": 1}
+    assert len(world.bag.files) == 1
 
 
 @pytest.mark.parametrize("is_repeated", [False, True])
