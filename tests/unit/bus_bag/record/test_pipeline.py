@@ -1,5 +1,6 @@
 """The way from taken messages to the file, without a bus. The disk is as slow as the test wants."""
 
+import errno
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,6 +22,7 @@ from bus_bag.record.choice import Found, Wanted
 from bus_bag.record.options import RecordOptions
 from bus_bag.record.pipeline import Pipeline
 from bus_bag.record.topic import RecordedTopic
+from bus_bag.storage.bag_files import BagFiles
 from bus_plot.loss_timeline import Slot
 from packing import pack_of
 from recording import Bag
@@ -389,6 +391,27 @@ def test_others_read_topics_whose_publishers_came_later(folder: Path) -> None:
     world.finish()
     with AnyReader([folder]) as reader:
         assert [data[8:9] for _, _, data in reader.messages()] == [b"a", b"b", b"c"]
+
+
+@pytest.mark.parametrize("max_cache_size", [0, 1 << 20])
+def test_a_further_file_that_can_not_be_made(
+    folder: Path, max_cache_size: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The written part is a complete bag, and the reason stays."""
+    world = World(folder, max_cache_size=max_cache_size)
+    topic = world.topic("/topic")
+    world.put(topic, "a")
+
+    def fail(files: BagFiles) -> None:
+        raise OSError(errno.EMFILE, "Too many open files")
+
+    monkeypatch.setattr(BagFiles, "_open", fail)
+    world.pipeline.split()
+    world.put(topic, "b")
+    losses = world.finish()
+    assert str(world.pipeline.failure) == f"[Errno {errno.EMFILE}] Too many open files"
+    assert (world.bag.metadata.message_count, world.bag.texts()) == (1, ["a"])
+    assert losses["/topic"].lost == {"not_written": 1}
 
 
 @pytest.mark.parametrize("is_snapshot", [False, True])
