@@ -170,6 +170,9 @@ class Pipeline:
         size = size_of(samples)
         if self._is_snapshot:
             self._output.keep(topic, samples, is_written=False)
+            if is_paused:  # so the memory keeps the messages from before the pause
+                topic.passed_over += len(samples)
+                return
         if self._thread is None:
             self._output.write(topic, samples, size, is_paused=is_paused)
             return

@@ -377,6 +377,23 @@ def test_a_snapshot_begins_with_the_state(folder: Path) -> None:
     assert state[2].log_time == first[2].log_time
 
 
+def test_a_snapshot_has_the_state_of_a_pause(folder: Path) -> None:
+    """And the messages from before the pause: those of the pause take no room."""
+    world = World(folder, is_snapshot=True, max_cache_size=30)
+    latched, plain = world.topic("/map", is_latched=True), world.topic("/topic")
+    world.put(plain, "before", at=0)
+    world.put(latched, "hall", at=1, is_paused=True)
+    world.put(plain, *["unheard"] * 20, at=2, is_paused=True)
+    world.pipeline.resume()
+    world.put(plain, "heard", at=3)
+    world.pipeline.snapshot()
+    world.pipeline.snapshot()  # has nothing more
+    losses = world.finish()
+    assert (world.bag.texts("/map"), world.bag.texts("/topic")) == (["hall"], ["before", "heard"])
+    assert [one[2].log_time for one in world.bag.messages(world.bag.files[0], "/map")] == [0]
+    assert losses == {"/map": TopicLosses(1, 1), "/topic": TopicLosses(2, 2)}
+
+
 def test_others_read_topics_whose_publishers_came_later(folder: Path) -> None:
     """rosbags wants the same profiles in metadata.yaml and in each file, as ROS 2 writes them."""
     world = World(folder)
