@@ -90,8 +90,9 @@ class BagOutput:
         for sample in samples:
             if self._splitting is not None:
                 self._split_if_due(self._splitting, sample[1][1])
-            topic.written += self._write_one(topic, channel, sample, sample[1][1])
-            if topic.is_latched and not self._is_snapshot:
+            written = self._write_one(topic, channel, sample, sample[1][1])
+            topic.written += written
+            if written and topic.is_latched and not self._is_snapshot:
                 self.keep(topic, [sample], is_written=True)
 
     def write_state_before(self, batches: Sequence[Batch]) -> None:
@@ -169,6 +170,7 @@ class BagOutput:
             parts = topic.encode(payload)
         except CdrError as error:
             topic.lose(DropReason.UNDECODABLE, 1)
+            self._latched.forget(topic.name, info.publisher_gid, sample)  # so it is lost once
             self._on_reject(topic, error)
             return 0
         self.bytes += self._writer.write(channel, log_time, info[0], info[2], parts)

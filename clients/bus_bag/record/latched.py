@@ -84,6 +84,13 @@ class LatchedState(Generic[T]):
         kept.bytes += size
         kept.trim()
 
+    def forget(self, topic: str, publisher: bytes, message: T) -> None:
+        """Keep that message no longer, if it is kept."""
+        kept = self._kept.get((topic, publisher))
+        if kept is not None:
+            kept.messages = deque(one for one in kept.messages if one[0] is not message)
+            kept.bytes = sum(size for _, size, _ in kept.messages)
+
     def state(self, now_ns: int) -> list[Latched[T]]:
         """The messages that a late joiner would get now, in order for each publisher."""
         for key, kept in tuple(self._kept.items()):

@@ -191,6 +191,24 @@ def test_what_is_no_message_is_counted(folder: Path) -> None:
     assert world.rejected == ["/topic", "/map"]
 
 
+@pytest.mark.parametrize("is_paused", [False, True])
+@pytest.mark.parametrize("is_snapshot", [False, True])
+def test_what_is_no_message_is_counted_once(folder: Path, is_snapshot: bool, is_paused: bool) -> None:
+    """Also in further files, whose state it is not."""
+    world = World(folder, is_snapshot=is_snapshot)
+    latched = world.topic("/map", is_latched=True)
+    world.put(latched, "a")
+    world.put(latched, "?", is_paused=is_paused)
+    world.pipeline.resume()
+    if is_snapshot:
+        world.pipeline.snapshot()
+    world.pipeline.split()
+    world.pipeline.split()
+    losses = world.finish()
+    assert (losses["/map"].expected, losses["/map"].lost) == (2, {"undecodable": 1})
+    assert len(world.bag.files) == 3
+
+
 def test_each_further_file_begins_with_the_state(folder: Path) -> None:
     world = World(folder, max_bag_duration=10)
     latched, plain = world.topic("/map", is_latched=True), world.topic("/topic")
