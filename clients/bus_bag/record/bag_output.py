@@ -25,8 +25,8 @@ _SHORT = 4 << 10
 class BagOutput:
     """Writes to `writer`. `now_ns` is the clock of log times.
 
-    `size()` is the number of bytes of all files, including data on its way there. `before_split()` is called
-    before a further file begins, `on_reject(topic, error)` for a message that does not have its type.
+    `size()` is the number of bytes of messages in all files, or on their way there. `before_split()` is
+    called before a further file begins, `on_reject(topic, error)` for a message that does not have its type.
     """
 
     def __init__(

@@ -84,7 +84,7 @@ class Pipeline:
             self._writer,
             options,
             now_ns=now_ns,
-            size=lambda: self._writer.size + self._in_flight,
+            size=lambda: self._writer.data_size + self._in_flight,
             before_split=self.write_losses,
             on_reject=on_reject,
         )

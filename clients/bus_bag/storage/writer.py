@@ -77,6 +77,9 @@ class BagWriter:
             folder.mkdir(parents=True)
         except FileExistsError:
             raise BagError(f"Output folder '{folder}' already exists.") from None
+        self.data_size = 0
+        """Bytes of messages in all files: without gathered messages and waiting jobs, and without other parts
+        of a file."""
         self._files = BagFiles(folder, storage, preset, most_files)
         """Only jobs change it."""
         self._write_own_metadata(())
@@ -146,8 +149,11 @@ class BagWriter:
             return
 
         def write() -> None:
-            if self._files.present.is_open:  # see `_close_file`
-                self._files.present.write_chunk(chunk)
+            file = self._files.present
+            if file.is_open:  # see `_close_file`
+                before = file.size
+                file.write_chunk(chunk)
+                self.data_size += file.size - before
 
         self._run(write, chunk.size)
 

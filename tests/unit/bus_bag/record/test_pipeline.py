@@ -249,6 +249,24 @@ def test_the_limit_of_bytes_does_not_cover_the_state(folder: Path) -> None:
     assert 2 < len(world.bag.files) <= 5
 
 
+def test_the_limit_of_bytes_does_not_cover_what_describes_the_topics(folder: Path) -> None:
+    """Each file has that at its beginning and its end, and gets it after the decision to split."""
+    world = World(folder, max_bag_size=20_000)
+    topics = [world.topic(f"/topic_{number}") for number in range(50)]
+    thread = world.pipeline._thread
+    assert thread is not None
+    for topic in topics:
+        world.put(topic, "x")
+    for _ in range(100):
+        world.put(topics[0], "x" * 1000)
+        world.pipeline.pump()
+        while not thread.is_idle:
+            world.progress.acquire(timeout=30)
+    world.finish()
+    assert 5 <= len(world.bag.files) <= 6
+    assert min(file.stat().st_size for file in world.bag.files) > 40_000
+
+
 def _story(world: World, *, has_snapshots: bool) -> dict[str, TopicLosses]:
     """Messages of many kinds: latched ones, some in a pause, some that don't have the type, several files."""
     latched, plain = world.topic("/map", is_latched=True), world.topic("/topic")
