@@ -84,6 +84,10 @@ class Cache(Generic[T]):
         self.waiting -= 1
         return topic, batch, entry.count
 
+    def peek(self) -> T | None:
+        """The oldest batch; None if empty."""
+        return next((entry.batch for entry in self._order if entry.batch is not None), None)
+
     def clear(self) -> dict[str, int]:
         """Drop all waiting messages; returns topic -> number of messages."""
         thrown: dict[str, int] = {}

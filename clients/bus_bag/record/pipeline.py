@@ -16,7 +16,7 @@ from bus.vocabulary import DropReason
 from bus_bag.errors import BagError
 from bus_bag.losses import RECORD, LossDates, TopicLosses, to_record
 from bus_bag.record.bag_output import BagOutput
-from bus_bag.record.batch import Batch, size_of
+from bus_bag.record.batch import Batch, log_time_of, size_of
 from bus_bag.record.cache import Cache
 from bus_bag.record.options import RecordOptions
 from bus_bag.record.topic import RecordedTopic
@@ -186,8 +186,12 @@ class Pipeline:
 
     def split(self) -> None:
         """Continue in the next file, which begins with the state of latched topics. Messages from before this
-        call still go into the present file."""
-        self._in_turn(partial(self._output.split, self._now_ns()))
+        call still go into the present file, except those in the memory of a snapshot."""
+        log_time = self._now_ns()
+        oldest = self._cache.peek() if self._is_snapshot else None
+        if isinstance(oldest, tuple):  # it comes after the state
+            log_time = min(log_time, log_time_of(oldest[0]))
+        self._in_turn(partial(self._output.split, log_time))
 
     def _in_turn(self, request: Callable[[], object]) -> None:
         """Do it after the messages that wait now. Those of a snapshot do not wait for their turn."""

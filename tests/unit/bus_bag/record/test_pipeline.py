@@ -359,6 +359,20 @@ def test_a_split_does_not_overtake_waiting_messages(folder: Path) -> None:
     assert losses["/map"] == TopicLosses(2, 2)
 
 
+def test_the_state_comes_before_the_memory_of_a_snapshot(folder: Path) -> None:
+    world = World(folder, is_snapshot=True)
+    latched, plain = world.topic("/map", is_latched=True), world.topic("/topic")
+    world.put(latched, "hall", at=1)
+    world.pipeline.snapshot()
+    world.put(plain, "a", "b", at=5)
+    world.now_ns = 7
+    world.pipeline.split()
+    world.pipeline.snapshot()
+    world.finish()
+    (state,) = world.bag.messages(world.bag.files[1], "/map")
+    assert state[2].log_time == 5
+
+
 def test_a_request_that_is_dropped_is_no_loss(folder: Path) -> None:
     world = World(folder, is_slow=True)
     world.put(world.topic("/topic"), "a")
