@@ -8,6 +8,9 @@ __all__ = ["load"]
 _DEEP = re.compile(r"^[\s\-?:]{200}", re.MULTILINE)
 _TOO_DEEP = re.compile(r"[\[{]{200}")
 _MOST_OPENED = 2000
+_SIXTIETHS = re.compile(r"(?::[0-5]?[0-9])+")
+_MOST_SIXTIETHS = 100
+"""Longest text of a number to the base 60, `1:30:00`. YAML's library takes hours for some megabytes."""
 
 
 def load(text: str, *, has_aliases: bool = True) -> object:
@@ -19,6 +22,8 @@ def load(text: str, *, has_aliases: bool = True) -> object:
 
     if _TOO_DEEP.search(text):
         raise ValueError("it is nested too deeply")
+    if any(len(found[0]) > _MOST_SIXTIETHS for found in _SIXTIETHS.finditer(text)):
+        raise ValueError("it has too long a number to the base 60")
     is_deep = text.count("[") + text.count("{") > _MOST_OPENED or _DEEP.search(text) is not None
     in_c = None if is_deep else getattr(yaml, "CSafeLoader", None)
     loader = in_c or yaml.SafeLoader

@@ -155,6 +155,8 @@ def test_a_star_in_a_text_is_no_alias() -> None:
         ("- " * 1_000, "it is nested too deeply"),
         ("a: \x01", "it is not YAML: unacceptable character #x0001: "),
         ("a: 2026-13-45", "it is not YAML: month must be"),
+        ("a: 1" + ":1" * 5_000, "it has too long a number to the base 60"),
+        ("a: 1" + ":1" * 5_000 + ".0", "it has too long a number to the base 60"),
         (HEAD + "relative_file_paths: [[x]]}", "'relative_file_paths' has a list or a map instead"),
         (HEAD + "custom_data: {x: {}}}", "'custom_data' has a list or a map instead of a text"),
         (HEAD + "ros_distro: !!set {x}}", "'ros_distro' has a list or a map instead of a text"),
