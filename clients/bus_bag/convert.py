@@ -278,7 +278,7 @@ class _Writer:
         ):
             return
         writer = self._writer
-        while self._splitting and self._splitting.is_due(writer.size, time):
+        while self._splitting and self._splitting.is_due(writer.size + writer.gathered, time):
             writer.split()
             self._splitting.split(writer.size)
         writer.write(channel, time, message.publish_time, message.sequence, [message.data])

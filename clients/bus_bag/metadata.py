@@ -201,7 +201,7 @@ def _dump(value: object) -> str:
 
 def from_yaml(text: str) -> BagMetadata:
     """Read metadata.yaml. Raises ValueError with the reason if `text` is not valid."""
-    document = load(text)
+    document = load(text, has_aliases=False)
     if not isinstance(document, dict) or not isinstance(document.get(_KEY), dict):
         raise ValueError(f"it has no map '{_KEY}'")
     return _of_map(document[_KEY])
@@ -209,7 +209,7 @@ def from_yaml(text: str) -> BagMetadata:
 
 def from_record(text: str) -> BagMetadata:
     """Read a `rosbag2` record. Raises ValueError with the reason if `text` is not valid."""
-    document = load(text)
+    document = load(text, has_aliases=False)
     if not isinstance(document, dict):
         raise ValueError("it is not a map")
     return _of_map(document)
@@ -237,10 +237,15 @@ def _of_map(fields: dict[Any, Any]) -> BagMetadata:
             )
             for one in _list(fields, "files")
         ),
-        relative_file_paths=tuple(map(str, _list(fields, "relative_file_paths"))),
+        relative_file_paths=tuple(
+            _scalar("relative_file_paths", one) for one in _list(fields, "relative_file_paths")
+        ),
         compression_format=_text(fields, "compression_format"),
         compression_mode=_text(fields, "compression_mode"),
-        custom_data={str(key): str(value) for key, value in _map(fields, "custom_data").items()},
+        custom_data={
+            _scalar("custom_data", key): _scalar("custom_data", value)
+            for key, value in _map(fields, "custom_data").items()
+        },
         ros_distro=_text(fields, "ros_distro"),
         version=version,
     )
@@ -258,7 +263,14 @@ def _topic(fields: dict[Any, Any]) -> TopicMetadata:
 
 def _text(fields: object, key: str) -> str:
     value = fields.get(key) if isinstance(fields, dict) else None
-    return "" if value is None else str(value)
+    return "" if value is None else _scalar(key, value)
+
+
+def _scalar(key: str, value: object) -> str:
+    """The text of a single value. `key` is for the error."""
+    if isinstance(value, dict | list | set | tuple):
+        raise ValueError(f"'{key}' has a list or a map instead of a text")
+    return str(value)
 
 
 def _number(fields: object, key: str) -> int:
@@ -266,7 +278,7 @@ def _number(fields: object, key: str) -> int:
     number."""
     value = fields.get(key, 0) if isinstance(fields, dict) else 0
     if isinstance(value, bool) or not isinstance(value, int):
-        raise ValueError(f"'{key}' is {value!r}, not a whole number")
+        raise ValueError(f"'{key}' is '{_scalar(key, value)}', not a whole number")
     if not 0 <= value <= _MAX_NS:
         raise ValueError(f"'{key}' is {value}, not between 0 and {_MAX_NS}")
     return value

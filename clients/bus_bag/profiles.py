@@ -55,7 +55,7 @@ def profiles_from_yaml(value: object) -> tuple[QoSProfile, ...]:
     """
     if isinstance(value, str):
         try:
-            value = load(value)
+            value = load(value, has_aliases=False)
         except ValueError as error:
             raise ValueError(f"QoS profiles: {error}") from None
     if value is None:

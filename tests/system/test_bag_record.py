@@ -342,6 +342,8 @@ class TestServices:
         assert texts == [str(number) for number in range(40)][-len(texts) :]
         assert 10 <= len(texts) < 40
         assert bag.texts("/map") == ["hall"]
+        (file,) = bag.files
+        assert bag.messages(file, "/map")[0][2].log_time <= bag.messages(file, "/topic")[0][2].log_time
         assert bag.losses()["/topic"] == TopicLosses(len(texts), len(texts))
 
 
@@ -354,19 +356,26 @@ async def main():
     async with bus.Node("simulator") as node:
         publisher = await node.create_publisher(Clock, "/clock", 10)
         print("ready", flush=True)
+        turns_before_begin = 20
         while True:
-            publisher.publish(Clock(clock=bus.msg.builtin_interfaces.Time(sec=100)))
+            sec = 0 if turns_before_begin else 100
+            publisher.publish(Clock(clock=bus.msg.builtin_interfaces.Time(sec=sec)))
             await asyncio.sleep(0.02)
+            if turns_before_begin and publisher.get_subscription_count():
+                turns_before_begin -= 1
 bus.run(main())
 """
     with script(clock), speaking() as speaker:
+        speaker.keep("/map", "hall")
         speaker.say("/topic")
-        with recording(bag, "/topic", "--use-sim-time") as recorder:
+        with recording(bag, "/topic", "/map", "--use-sim-time") as recorder:
             speaker.say("/topic", "walk")
             wait_until(lambda: bag.texts_now() == ["walk"])
             end(recorder)
-    ((_, _, message),) = bag.messages(bag.files[0])
-    assert message.log_time == 100 * 10**9
+    assert bag.texts("/map") == ["hall"]
+    for topic in ("/topic", "/map"):
+        ((_, _, message),) = bag.messages(bag.files[0], topic)
+        assert message.log_time == 100 * 10**9
 
 
 def test_a_terminal_that_is_closed(bag: Bag) -> None:

@@ -6,6 +6,7 @@ import struct
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from time import monotonic
 from typing import Any
 
@@ -65,6 +66,31 @@ def test_a_recorded_bag_is_played_by_a_page_on_a_bus_of_its_own(tmp_path: Path) 
             assert socket.exists()
             assert server.running.end(signal.SIGTERM).code == -signal.SIGTERM
     assert not socket.parent.exists()
+
+
+def test_the_folder_of_a_killed_one_is_removed_by_the_next(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """But no folder of another program, and none whose bus is alive."""
+    bag = numbers(tmp_path / "bag", 0)
+    with TemporaryDirectory() as folder:  # a short path for sockets
+        monkeypatch.setenv("TMPDIR", folder)
+        monkeypatch.setattr("tempfile.tempdir", None)
+        other = Path(folder) / "busd-1000"
+        other.mkdir()
+        with opened(bag) as (server, socket):
+            assert socket.parent.parent == Path(folder)
+            server.running.process.kill()
+            server.running.process.wait(WAIT_S)
+        with opened(bag) as (second, living):
+            assert socket.parent.exists(), "its busd still runs"
+            assert bus("daemon", "stop", "--socket", str(socket)).code == 0
+            with opened(bag) as (third, _):
+                assert not socket.parent.exists()
+                assert living.exists()
+                third.running.end(signal.SIGTERM)
+            second.running.end(signal.SIGTERM)
+        assert list(Path(folder).iterdir()) == [other]
 
 
 def test_a_viewer_controls_it(tmp_path: Path) -> None:

@@ -241,6 +241,8 @@ class Player:
     async def play(self) -> bool:
         """Play from the beginning to the end, or in a loop; False if it has been called before.
 
+        A loop without messages ends.
+
         Raises BagError if the bag becomes unreadable. Cancellation ends it between two messages.
         """
         if self._life.has_begun:
@@ -250,10 +252,14 @@ class Player:
         self._logger.info(f"Playback until timestamp: {self._span.until}")
         try:
             while True:
+                before = self.messages, self.seeks
                 await self._begin()
                 self._begun.set()
                 await self._play_to_the_end()
                 if not self._life.may_publish or not self._options.is_looping:
+                    return True
+                if before == (self.messages, self.seeks):
+                    self._logger.warning("There is no message to play, so the loop ends.")
                     return True
         finally:
             self._life.on(PlayerEvent.END)

@@ -4,7 +4,7 @@ Each further file begins with the state of the latched topics, so it can be play
 paused, only that state is kept. It is written when the recording continues.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from time import monotonic_ns
 
 from bus.vocabulary import DropReason
@@ -25,8 +25,8 @@ _SHORT = 4 << 10
 class BagOutput:
     """Writes to `writer`. `now_ns` is the clock of log times.
 
-    `size()` is the number of bytes of all files, including data on its way there. `before_split()` is called
-    before a further file begins, `on_reject(topic, error)` for a message that does not have its type.
+    `size()` is the number of bytes of messages in all files, or on their way there. `before_split()` is
+    called before a further file begins, `on_reject(topic, error)` for a message that does not have its type.
     """
 
     def __init__(
@@ -61,22 +61,21 @@ class BagOutput:
     def describe_topics(self) -> None:
         """Add all topics to the bag, also those without messages."""
         for topic in self.topics.values():
-            if topic.channel is None:
-                self._add_channel(topic)
+            self._channel(topic)
 
     def write(self, topic: RecordedTopic, samples: Batch, size: int, *, is_paused: bool) -> None:
-        """Write messages; their payloads have `size` bytes. `is_paused`: handle them as messages of a
-        pause."""
+        """Write at least one message; the payloads have `size` bytes. `is_paused`: handle them as messages
+        of a pause."""
         if is_paused:
             topic.passed_over += len(samples)
             self.keep(topic, samples, is_written=False)
             return
         if self._latched.has_unwritten and not self._is_snapshot:
-            self._write_state(self._latched.take_unwritten())
+            self._write_state(self._latched.take_unwritten(), log_time_of(samples))
         channel = topic.channel
         if channel is None:
-            channel = self._add_channel(topic)
-        if self._splitting is not None and samples:
+            channel = self._channel(topic)
+        if self._splitting is not None:
             self._split_if_due(self._splitting, log_time_of(samples))
         if isinstance(samples, Packed):
             if self._write_packed(topic, channel, samples):
@@ -91,15 +90,18 @@ class BagOutput:
         for sample in samples:
             if self._splitting is not None:
                 self._split_if_due(self._splitting, sample[1][1])
-            topic.written += self._write_one(topic, channel, sample, sample[1][1])
-            if topic.is_latched and not self._is_snapshot:
+            written = self._write_one(topic, channel, sample, sample[1][1])
+            topic.written += written
+            if written and topic.is_latched and not self._is_snapshot:
                 self.keep(topic, [sample], is_written=True)
 
-    def write_state_before(self, batches: Iterable[Iterable[Sample]]) -> None:
-        """Write the unwritten state of latched topics, without the messages in `batches`."""
-        present = {id(sample) for samples in batches for sample in samples}
+    def write_state_before(self, batches: Sequence[Batch]) -> None:
+        """Write the unwritten state of latched topics, without the messages in `batches`, which follow it. It
+        gets the time of the first of them, because readers sort by time."""
+        log_time = min(map(log_time_of, batches), default=self._now_ns())
+        present = {id(one) for batch in batches if not isinstance(batch, Packed) for one in batch}
         unwritten = self._latched.take_unwritten()
-        self._write_state([one for one in unwritten if id(one.message) not in present])
+        self._write_state([one for one in unwritten if id(one.message) not in present], log_time)
 
     def keep(self, topic: RecordedTopic, samples: Batch, *, is_written: bool) -> None:
         """Keep the state of a topic if its publishers keep messages for late joiners."""
@@ -112,17 +114,25 @@ class BagOutput:
                         topic.name, sample[1].publisher_gid, sample, len(sample[0]), is_written=is_written
                     )
 
-    def split(self, log_time: int | None = None) -> None:
+    def resume(self, log_time: int) -> None:
+        """Write the latched messages of a pause that ends at `log_time`."""
+        if not self._is_snapshot:
+            self._write_state(self._latched.take_unwritten(), log_time)
+
+    def split(self, log_time: int) -> None:
         """Continue in the next file. It begins with the state of latched topics, at `log_time`."""
         self._before_split()
         self._writer.split()
-        if self._splitting is not None:
-            self._splitting.split(self._size())
-        now_ns = self._now_ns() if log_time is None else log_time
         for one in self._latched.state(monotonic_ns()):
-            topic = self.topics[one.topic]
-            if topic.channel is not None:
-                topic.repeated += self._write_one(topic, topic.channel, one.message, now_ns)
+            if one.is_written:
+                topic = self.topics[one.topic]
+                topic.repeated += self._write_one(topic, self._channel(topic), one.message, log_time)
+            elif not self._is_snapshot:  # a pause has brought it; a snapshot writes its memory only if called
+                self._write_state([one], log_time)
+        if not self._is_snapshot:
+            self._latched.mark_written()
+        if self._splitting is not None:  # only now: the limit of bytes does not cover the state
+            self._splitting.split(self._size())
 
     def _split_if_due(self, splitting: Splitting, log_time: int) -> None:
         """Begin a further file before a message of that time if that is due."""
@@ -160,21 +170,22 @@ class BagOutput:
             parts = topic.encode(payload)
         except CdrError as error:
             topic.lose(DropReason.UNDECODABLE, 1)
+            self._latched.forget(topic.name, info.publisher_gid, sample)  # so it is lost once
             self._on_reject(topic, error)
             return 0
         self.bytes += self._writer.write(channel, log_time, info[0], info[2], parts)
         self.messages += 1
         return 1
 
-    def _write_state(self, state: Iterable[Latched[Sample]]) -> None:
-        """Write kept messages, as the state of this moment."""
-        now_ns = self._now_ns()
+    def _write_state(self, state: Iterable[Latched[Sample]], log_time: int) -> None:
+        """Write kept messages, as the state of that time."""
         for one in state:
             topic = self.topics[one.topic]
             topic.passed_over -= 1
-            channel = self._add_channel(topic) if topic.channel is None else topic.channel
-            topic.written += self._write_one(topic, channel, one.message, now_ns)
+            topic.written += self._write_one(topic, self._channel(topic), one.message, log_time)
 
-    def _add_channel(self, topic: RecordedTopic) -> int:
-        topic.channel = self._writer.add_topic(topic.metadata, topic.encoder.definition, topic.extra)
+    def _channel(self, topic: RecordedTopic) -> int:
+        """The topic's channel; adds the topic to the bag before its first message."""
+        if topic.channel is None:
+            topic.channel = self._writer.add_topic(topic.metadata, topic.encoder.definition, topic.extra)
         return topic.channel

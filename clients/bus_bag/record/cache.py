@@ -29,7 +29,8 @@ class _Entry(msgspec.Struct, Generic[T]):
 
 
 class Cache(Generic[T]):
-    """Batches in the order of arrival, with `limit` bytes in total. A larger batch is accepted alone.
+    """Batches in the order of arrival, with `limit` bytes in total. A larger batch is accepted alone, with
+    entries that have no bytes.
     Batches that may not be lost are accepted above the limit, too.
 
     `is_circular`: drops the oldest batch of all topics, so the cache keeps the newest batches.
@@ -66,7 +67,7 @@ class Cache(Generic[T]):
             entries.append(entry)
             self._bytes_by_topic[topic] += size
             self._losable_bytes += size
-        while self.bytes > self._limit and self.waiting > 1 and self._losable_bytes:
+        while self.bytes > self._limit and self.bytes > size > 0 and self._losable_bytes:
             self._lose()
 
     def take(self) -> tuple[str, T, int]:
@@ -83,12 +84,17 @@ class Cache(Generic[T]):
         self.waiting -= 1
         return topic, batch, entry.count
 
+    def peek(self) -> T | None:
+        """The oldest batch; None if empty."""
+        return next((entry.batch for entry in self._order if entry.batch is not None), None)
+
     def clear(self) -> dict[str, int]:
         """Drop all waiting messages; returns topic -> number of messages."""
         thrown: dict[str, int] = {}
         while self.waiting:
             topic, _, count = self.take()
-            thrown[topic] = thrown.get(topic, 0) + count
+            if count:
+                thrown[topic] = thrown.get(topic, 0) + count
         return thrown
 
     def _lose(self) -> None:

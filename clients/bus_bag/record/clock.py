@@ -6,6 +6,7 @@ from typing import Any
 
 from bus.node import Node
 from bus.parameters.time_source import CLOCK_QOS, CLOCK_TOPIC
+from bus.subscription import Subscription
 from bus.types.classes import message_class
 
 __all__ = ["RecordingClock"]
@@ -34,14 +35,14 @@ class RecordingClock:
         clock = await self._node.create_subscription(
             message_class("rosgraph_msgs/msg/Clock"), CLOCK_TOPIC, CLOCK_QOS
         )
-        receiving = asyncio.ensure_future(clock.receive())
+        receiving = asyncio.ensure_future(_first_time(clock))
         stopping = asyncio.ensure_future(stopped.wait())
         try:
             await asyncio.wait((receiving, stopping), return_when=asyncio.FIRST_COMPLETED)
+            if receiving.done():
+                await receiving  # raises what has ended the subscription
             # The node's own subscription may get the same message a moment later.
-            for _ in range(1000):
-                if self.now_ns() or stopped.is_set():
-                    break
+            while not (self.now_ns() or stopped.is_set()):  # noqa: ASYNC110
                 await asyncio.sleep(0.001)
         finally:
             receiving.cancel()
@@ -49,3 +50,10 @@ class RecordingClock:
             await clock.close()
         if not stopped.is_set():
             log.info("Sim time /clock found, starting recording.")
+
+
+async def _first_time(clock: Subscription[Any]) -> None:
+    """Wait for a time. A simulator may publish 0 until its simulation begins."""
+    time = None
+    while time is None or time.sec < 0 or not (time.sec or time.nanosec):
+        time = (await clock.receive())[0].clock

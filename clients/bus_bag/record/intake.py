@@ -61,10 +61,8 @@ class Intake:
         if has_more and topic not in self._unfinished:  # continue later, after other callbacks
             self._unfinished[topic] = None
             self._loop.call_soon(self._take_more, topic)
-        if now_ns == 0:  # the simulation has not begun
-            topic.passed_over += len(batch)
-            return len(batch)
-        self._pipeline.put(topic, batch, is_paused=self.is_paused)
+        has_time = now_ns != 0  # a simulation that begins again has none at first
+        self._pipeline.put(topic, batch, is_paused=self.is_paused or not has_time)
         if self._pumping is None:
             self._pumping = self._loop.call_soon(self._pump_now)
         return len(batch)

@@ -26,6 +26,7 @@ class Latched(NamedTuple, Generic[T]):
     topic: str
     publisher: bytes
     message: T
+    is_written: bool
 
 
 class _Kept(Generic[T]):
@@ -83,24 +84,35 @@ class LatchedState(Generic[T]):
         kept.bytes += size
         kept.trim()
 
+    def forget(self, topic: str, publisher: bytes, message: T) -> None:
+        """Keep that message no longer, if it is kept."""
+        kept = self._kept.get((topic, publisher))
+        if kept is not None:
+            kept.messages = deque(one for one in kept.messages if one[0] is not message)
+            kept.bytes = sum(size for _, size, _ in kept.messages)
+
     def state(self, now_ns: int) -> list[Latched[T]]:
-        """The messages that a late joiner would get now, in order for each publisher. They count as
-        written."""
-        found: list[Latched[T]] = []
-        for (topic, publisher), kept in tuple(self._kept.items()):
+        """The messages that a late joiner would get now, in order for each publisher."""
+        for key, kept in tuple(self._kept.items()):
             if kept.gone_ns is not None and now_ns - kept.gone_ns > RETURN_NS:
-                del self._kept[topic, publisher]
-                continue
-            found += [Latched(topic, publisher, message) for message, _, _ in kept.messages]
-            kept.mark_written()
-        self.has_unwritten = False
-        return found
+                del self._kept[key]
+        return self._all()
 
     def take_unwritten(self) -> list[Latched[T]]:
         """The messages not written so far. From now on they count as written."""
-        found: list[Latched[T]] = []
-        for (topic, publisher), kept in self._kept.items():
-            found += [Latched(topic, publisher, message) for message, _, done in kept.messages if not done]
+        found = [one for one in self._all() if not one.is_written]
+        self.mark_written()
+        return found
+
+    def mark_written(self) -> None:
+        """From now on, all messages count as written."""
+        for kept in self._kept.values():
             kept.mark_written()
         self.has_unwritten = False
-        return found
+
+    def _all(self) -> list[Latched[T]]:
+        return [
+            Latched(topic, publisher, message, is_written)
+            for (topic, publisher), kept in self._kept.items()
+            for message, _, is_written in kept.messages
+        ]

@@ -6,15 +6,17 @@ never waits for the disk: messages that the thread can't accept yet wait in the 
 """
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from time import monotonic_ns
+from typing import TypeAlias
 
 from bus.errors import BusError
 from bus.vocabulary import DropReason
 from bus_bag.errors import BagError
 from bus_bag.losses import RECORD, LossDates, TopicLosses, to_record
 from bus_bag.record.bag_output import BagOutput
-from bus_bag.record.batch import Batch, Packed, size_of
+from bus_bag.record.batch import Batch, log_time_of, size_of
 from bus_bag.record.cache import Cache
 from bus_bag.record.options import RecordOptions
 from bus_bag.record.topic import RecordedTopic
@@ -33,6 +35,10 @@ _TURN_NS = 2_000_000
 """Longest time of encoding in a turn of the event loop: meanwhile, no messages are taken."""
 
 _Faults = (BusError, OSError)
+
+_Waiting: TypeAlias = tuple[Batch, int, bool] | Callable[[], object]
+"""Messages, their bytes, and whether they came in a pause; or a request, whose turn comes after all messages
+from before it."""
 
 
 class Pipeline:
@@ -58,9 +64,7 @@ class Pipeline:
         self._on_progress = on_progress
         self._is_snapshot = options.is_snapshot
         self._crowd = options.max_cache_size // 2
-        self._cache: Cache[tuple[Batch, int, bool]] = Cache(
-            options.max_cache_size, is_circular=options.is_snapshot
-        )
+        self._cache: Cache[_Waiting] = Cache(options.max_cache_size, is_circular=options.is_snapshot)
         self._dates = LossDates()
         self._now_ns = now_ns
         self._failure: BaseException | None = None
@@ -80,7 +84,7 @@ class Pipeline:
             self._writer,
             options,
             now_ns=now_ns,
-            size=lambda: self._writer.size + self._in_flight,
+            size=lambda: self._writer.data_size + self._in_flight,
             before_split=self.write_losses,
             on_reject=on_reject,
         )
@@ -161,10 +165,14 @@ class Pipeline:
         return not (self._is_snapshot and topic.is_latched)  # a snapshot tells its latched messages apart
 
     def put(self, topic: RecordedTopic, samples: Batch, *, is_paused: bool) -> None:
-        """Add taken messages. While the recording is paused, only the state of latched topics is kept."""
+        """Add at least one taken message. While the recording is paused, only the state of latched topics is
+        kept."""
         size = size_of(samples)
         if self._is_snapshot:
             self._output.keep(topic, samples, is_written=False)
+            if is_paused:  # so the memory keeps the messages from before the pause
+                topic.passed_over += len(samples)
+                return
         if self._thread is None:
             self._output.write(topic, samples, size, is_paused=is_paused)
             return
@@ -173,9 +181,24 @@ class Pipeline:
         self._cache.put(topic.name, batch, len(samples), size, may_be_lost=may_be_lost)
 
     def resume(self) -> None:
-        """Write the latched messages of the pause; they come first."""
-        for topic in tuple(self._output.topics.values())[:1]:
-            self.put(topic, [], is_paused=False)  # an empty batch of any topic carries it
+        """Write the latched messages of the pause; they come before later messages."""
+        self._in_turn(partial(self._output.resume, self._now_ns()))
+
+    def split(self) -> None:
+        """Continue in the next file, which begins with the state of latched topics. Messages from before this
+        call still go into the present file, except those in the memory of a snapshot."""
+        log_time = self._now_ns()
+        oldest = self._cache.peek() if self._is_snapshot else None
+        if isinstance(oldest, tuple):  # it comes after the state
+            log_time = min(log_time, log_time_of(oldest[0]))
+        self._in_turn(partial(self._output.split, log_time))
+
+    def _in_turn(self, request: Callable[[], object]) -> None:
+        """Do it after the messages that wait now. Those of a snapshot do not wait for their turn."""
+        if self._thread is None or self._is_snapshot:
+            request()
+        else:
+            self._cache.put("", request, 0, 0, may_be_lost=False)
 
     # --- messages out
 
@@ -187,8 +210,12 @@ class Pipeline:
             return False
         until_ns = monotonic_ns() + _TURN_NS
         while cache.waiting and thread.waiting_bytes < _MOST_IN_FLIGHT:
-            name, (samples, size, is_paused), _ = cache.take()
-            self._output.write(self._output.topics[name], samples, size, is_paused=is_paused)
+            name, waiting, _ = cache.take()
+            if isinstance(waiting, tuple):
+                samples, size, is_paused = waiting
+                self._output.write(self._output.topics[name], samples, size, is_paused=is_paused)
+            else:
+                waiting()
             if monotonic_ns() >= until_ns:
                 break
         return cache.waiting > 0 and thread.waiting_bytes < _MOST_IN_FLIGHT
@@ -203,17 +230,13 @@ class Pipeline:
         self._settle_cache()
         batches = []
         while self._cache.waiting:
-            batches.append(self._cache.take())
-        self._output.write_state_before(
-            samples for _, (samples, _, _), _ in batches if not isinstance(samples, Packed)
-        )
-        for name, (samples, size, is_paused), _ in batches:
-            self._output.write(self._output.topics[name], samples, size, is_paused=is_paused)
+            name, waiting, _ = self._cache.take()
+            if isinstance(waiting, tuple):
+                batches.append((self._output.topics[name], *waiting))
+        self._output.write_state_before([samples for _, samples, _, _ in batches])
+        for topic, samples, size, is_paused in batches:
+            self._output.write(topic, samples, size, is_paused=is_paused)
         self._writer.flush()
-
-    def split(self) -> None:
-        """Continue in the next file, which begins with the state of latched topics."""
-        self._output.split()
 
     def write_losses(self) -> None:
         """Write the counters into the file."""

@@ -127,6 +127,7 @@ class Recorder:
         """Continue in the next file now."""
         self._take_all()
         self.pipeline.split()
+        self._intake.pump()
 
     def snapshot(self) -> bool:
         """Write the messages in memory; returns whether this recording keeps any."""

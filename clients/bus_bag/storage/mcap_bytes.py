@@ -25,6 +25,9 @@ INDEX_HEAD = struct.Struct("<HI")
 _LOADED = 256 << 20
 """Waiting chunks with more bytes in total are unloaded and read again later."""
 _MAX_PROBLEMS = 1000
+_MOST_INDEXES = 1 << 16
+"""Most message indexes that are read to count messages of unreadable chunks: a false index can give the same
+ones to many chunks."""
 _WINDOW = 64 << 10
 
 
@@ -53,6 +56,8 @@ class McapBytes:
         self._segments: list[Segment] = []
         self._loaded: OrderedDict[int, Buffer] = OrderedDict()
         self._loaded_size = 0
+        self._indexes = _MOST_INDEXES
+        """How many of them may still be read."""
         self._window = b""
         self._window_at = 0
         self._file = os.open(content or path, os.O_RDONLY | os.O_CLOEXEC)
@@ -125,12 +130,14 @@ class McapBytes:
     def _how_many(self, segment: Segment) -> str:
         """The number of messages in a chunk as text, if its message indexes have it."""
         count, position = 0, segment.offset + segment.length
-        while True:
+        while self._indexes and len(self.problems) < _MAX_PROBLEMS:
+            self._indexes -= 1
             head = self._read(position, 9 + INDEX_HEAD.size)
             if len(head) < 9 + INDEX_HEAD.size or head[0] != Opcode.MESSAGE_INDEX:
                 return f" with {counted(count, 'message')}" if count else ""
             count += INDEX_HEAD.unpack_from(head, 9)[1] // 16
             position += RECORD.size + RECORD.unpack_from(head)[1]
+        return ""
 
     def _read_chunk(self, segment: Segment) -> Buffer:
         """Read a chunk. Raises ValueError if it is not complete."""

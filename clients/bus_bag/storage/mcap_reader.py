@@ -66,6 +66,10 @@ class McapFile(McapBytes):
         """Channel -> topic, for readable topics."""
         self._refused: set[int] = set()
         self._waiting = 0
+        self._metadata_read: set[int] = set()
+        """Offsets of the metadata records that the index has named so far."""
+        self._metadata_bytes = 0
+        """Their bytes."""
         try:
             self._open()
         except BaseException:
@@ -307,6 +311,12 @@ class McapFile(McapBytes):
         if opcode != Opcode.METADATA or length > _MAX_RECORD:
             self._problem(offset, "no metadata record, but the index says so")
             return
+        if offset in self._metadata_read:
+            return
+        self._metadata_read.add(offset)
+        self._metadata_bytes += length
+        if self._metadata_bytes > self._size:
+            raise ValueError("its index names more metadata than the file has")
         try:
             self._describe(opcode, self._read(offset + 9, length))
         except ValueError as error:

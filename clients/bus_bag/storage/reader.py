@@ -226,6 +226,8 @@ def _filled(topic: TopicMetadata, said: TopicMetadata | None) -> TopicMetadata:
 
 
 def _open_file(path: Path) -> BagFile:
+    if "\0" in str(path):
+        raise BagError(f"no file can have the path {str(path)!r}")
     if path.exists() and not path.is_file():
         raise BagError(f"'{path}' is not a file")
     if path.suffix == COMPRESSED:

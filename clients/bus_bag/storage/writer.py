@@ -37,7 +37,8 @@ class BagWriter:
     and the size of the messages that it writes. By default a job runs at once. A recorder passes jobs to a
     thread, which must run them one at a time, in order. A job raises BagFull if nothing more fits, and
     OSError for other faults. After both, the caller must still call `write_metadata` and `close`. They make a
-    readable bag of the written part. Jobs call `on_split(closed, opened)` after the start of a further file.
+    readable bag of the written part. If a further file could not be made, later messages are not written.
+    Jobs call `on_split(closed, opened)` after the start of a further file.
 
     `preset` is a preset of the storage. With more than `most_files` files, the oldest is deleted; 0: no
     limit. Raises BagError if the folder exists, for an unknown preset, and if a package of the storage is
@@ -76,6 +77,9 @@ class BagWriter:
             folder.mkdir(parents=True)
         except FileExistsError:
             raise BagError(f"Output folder '{folder}' already exists.") from None
+        self.data_size = 0
+        """Bytes of messages in all files: without gathered messages and waiting jobs, and without other parts
+        of a file."""
         self._files = BagFiles(folder, storage, preset, most_files)
         """Only jobs change it."""
         self._write_own_metadata(())
@@ -141,8 +145,17 @@ class BagWriter:
     def flush(self) -> None:
         """Write the gathered messages."""
         chunk = self._builder.close()
-        if chunk is not None:
-            self._run(lambda: self._files.present.write_chunk(chunk), chunk.size)
+        if chunk is None:
+            return
+
+        def write() -> None:
+            file = self._files.present
+            if file.is_open:  # see `_close_file`
+                before = file.size
+                file.write_chunk(chunk)
+                self.data_size += file.size - before
+
+        self._run(write, chunk.size)
 
     def split(self) -> None:
         """Continue in the next file."""
@@ -168,7 +181,12 @@ class BagWriter:
         """Add a metadata record to the current file, after everything written."""
         self.flush()
         kept = dict(values)
-        self._run(lambda: self._files.present.write_metadata(name, kept), 0)
+
+        def write() -> None:
+            if self._files.present.is_open:  # see `_close_file`
+                self._files.present.write_metadata(name, kept)
+
+        self._run(write, 0)
 
     def close(self) -> None:
         """Close the last file and write metadata.yaml."""
@@ -233,7 +251,7 @@ class BagWriter:
         self._files.present.write_metadata("rosbag2", {"serialized_metadata": record})
 
     def _close_file(self, topics: _Topics) -> None:
-        if self._files.present.is_open:  # otherwise there was no room for a further file
+        if self._files.present.is_open:  # otherwise a further file could not be made
             self._write_own_metadata(topics)
             self._files.close()
 

@@ -122,6 +122,16 @@ def test_several_bags_into_several(tmp_path: Path) -> None:
         assert read(reader) == messages[10:21]
 
 
+def test_files_smaller_than_a_chunk(tmp_path: Path) -> None:
+    messages = said(100, length=1000)
+    target, _ = converted(tmp_path, write_bag(tmp_path / "walk", messages), max_bagfile_size=20_000)
+    with open_bag(target) as reader:
+        assert read(reader) == messages
+        counts = [file.message_count for file in reader.metadata.files]
+    assert len(counts) > 4
+    assert all(15 <= count <= 20 for count in counts[:-1])
+
+
 def test_topics_of_two_types(tmp_path: Path) -> None:
     bags = [write_bag(tmp_path / "a", said(3))]
     for type_name in ("std_msgs/msg/Header", STRING):

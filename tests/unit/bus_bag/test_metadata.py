@@ -126,6 +126,19 @@ def test_an_old_version() -> None:
     )
 
 
+HEAD = "rosbag2_bagfile_information: {version: 9, "
+LAUGHS = "z0: &z0 [x]\n" + "".join(f"z{n}: &z{n} [*z{n - 1}, *z{n - 1}]\n" for n in range(1, 18))
+"""Short texts that stand for a list of 2^17 texts, and for a map that is merged as often."""
+MERGED = "z0: &z0 {x: y}\n" + "".join(f"z{n}: &z{n} {{<<: [*z{n - 1}, *z{n - 1}]}}\n" for n in range(1, 18))
+
+
+def test_a_star_in_a_text_is_no_alias() -> None:
+    assert from_yaml(HEAD + "custom_data: {note: 'a * b', glob: \"*.mcap\"}}").custom_data == {
+        "note": "a * b",
+        "glob": "*.mcap",
+    }
+
+
 @for_each(
     ("text", "reason"),
     [
@@ -142,6 +155,14 @@ def test_an_old_version() -> None:
         ("- " * 1_000, "it is nested too deeply"),
         ("a: \x01", "it is not YAML: unacceptable character #x0001: "),
         ("a: 2026-13-45", "it is not YAML: month must be"),
+        ("a: 1" + ":1" * 5_000, "it has too long a number to the base 60"),
+        ("a: 1" + ":1" * 5_000 + ".0", "it has too long a number to the base 60"),
+        (HEAD + "relative_file_paths: [[x]]}", "'relative_file_paths' has a list or a map instead"),
+        (HEAD + "custom_data: {x: {}}}", "'custom_data' has a list or a map instead of a text"),
+        (HEAD + "ros_distro: !!set {x}}", "'ros_distro' has a list or a map instead of a text"),
+        (HEAD + "message_count: [1]}", "'message_count' has a list or a map instead of a text"),
+        (LAUGHS + HEAD + "ros_distro: *z17}", "it has an alias, which"),
+        (MERGED + HEAD + "custom_data: *z17}", "it has an alias, which"),
     ],
 )
 def test_no_metadata(text: str, reason: str) -> None:

@@ -286,6 +286,12 @@ async def test_a_looping_replay_does_not_stay() -> None:
         assert await task
 
 
+@pytest.mark.parametrize(("reader", "until_ns"), [(Reader(), -1), (Reader(0), 0)], ids=["empty", "none"])
+async def test_a_loop_without_messages_ends(reader: Reader, until_ns: int) -> None:
+    async with playing(reader, Output(), Span(0, 100 * MS, True, until_ns), is_looping=True) as player:
+        assert await asyncio.wait_for(player.play(), 10)
+
+
 async def test_a_stepped_replay_is_at_its_end_after_the_last_message() -> None:
     output = Output()
     async with playing(Reader(0, 10), output, stays_at_end=True, is_paused=True) as player:

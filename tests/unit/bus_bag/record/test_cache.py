@@ -23,6 +23,7 @@ def test_in_the_order_in_which_it_came() -> None:
     cache.put("b", "2", 1, 10)
     cache.put("a", "3", 2, 10)
     assert (cache.bytes, cache.waiting) == (30, 3)
+    assert cache.peek() == "1"
     assert cache.take() == ("a", "1", 1)
     assert drain(cache) == ["2", "3"]
     assert (cache.bytes, cache.waiting, cache.lost) == (0, 0, {})
@@ -36,6 +37,7 @@ def test_the_topic_with_most_bytes_loses_its_oldest() -> None:
     cache.put("tf", "t2", 1, 30)
     assert cache.lost == {"camera": 1}
     assert drain(cache) == ["t1", "c2", "t2"]
+    assert cache.peek() is None
 
 
 def test_what_is_larger_than_all_room_has_it_alone() -> None:
@@ -44,6 +46,16 @@ def test_what_is_larger_than_all_room_has_it_alone() -> None:
     assert (cache.bytes, cache.lost) == (50, {})
     cache.put("camera", "c2", 1, 50)
     assert (drain(cache), cache.lost) == (["c2"], {"camera": 1})
+
+
+def test_an_entry_without_bytes_takes_no_room() -> None:
+    cache: Cache[str] = Cache(100)
+    cache.put("camera", "c1", 1, 150)
+    cache.put("", "request", 0, 0, may_be_lost=False)
+    assert (cache.lost, cache.waiting) == ({}, 2)
+    cache.put("camera", "c2", 1, 150)
+    assert (cache.lost, cache.waiting) == ({"camera": 1}, 2)
+    assert cache.clear() == {"camera": 1}
 
 
 def test_batches_that_may_not_be_lost() -> None:

@@ -6,12 +6,14 @@ from typing import Any
 
 import pytest
 
+from bus.msg.builtin_interfaces import Time
 from bus.msg.std_msgs import String
 from bus.qos import QoSProfile
 from bus.schema import MessageSchema
 from bus.subscription import MessageInfo, Pack, SubscriptionStatistics
 from bus.types.support import type_support
 from bus_bag.core import Program
+from bus_bag.losses import TopicLosses
 from bus_bag.record.choice import Found, Wanted
 from bus_bag.record.clock import RecordingClock
 from bus_bag.record.intake import Intake
@@ -20,6 +22,7 @@ from bus_bag.record.pipeline import Pipeline
 from bus_bag.record.state import RecordingEvent, RecordingLife
 from bus_bag.record.topic import RecordedTopic
 from packing import pack_of
+from recording import Bag
 from stepcount import StepCounter, counts_bytecodes
 
 SCHEMA = MessageSchema.of(String)
@@ -72,7 +75,9 @@ class Subscription:
 class World:
     """An intake with one topic."""
 
-    def __init__(self, folder: Path, most_packed: int = 0, **options: Any) -> None:
+    def __init__(
+        self, folder: Path, most_packed: int = 0, *, is_simulated: bool = False, **options: Any
+    ) -> None:
         self.pipeline = Pipeline(
             RecordOptions(folder=folder, wanted=Wanted(), **options),
             now_ns=lambda: 1,
@@ -81,14 +86,18 @@ class World:
             on_reject=lambda topic, error: None,
         )
         self.life = RecordingLife()
-        node: Any = None
-        self.intake = Intake(
-            self.pipeline, RecordingClock(node, is_simulated=False), self.life, is_paused=False
-        )
+        node: Any = self
+        self.time = Time()
+        """The time of a simulation."""
+        clock = RecordingClock(node, is_simulated=is_simulated)
+        self.intake = Intake(self.pipeline, clock, self.life, is_paused=False)
         self.topic = RecordedTopic(Found("/topic", SCHEMA.type_name, SCHEMA.type_hash), SCHEMA)
         subscription: Any = Subscription(most_packed)
         self.subscription = self.topic.subscription = subscription
         self.pipeline.add(self.topic)
+
+    def now(self) -> Time:
+        return self.time
 
     async def arrive(self, count: int) -> None:
         """`count` messages arrive at once. Returns when they are written."""
@@ -135,6 +144,23 @@ async def test_what_waited_for_room_is_taken_once_there_is_some(tmp_path: Path) 
     await asyncio.wait_for(world.arrive(3000), 30)
     world.topic.finish()
     assert world.pipeline.close()["/topic"].written == 3000
+
+
+async def test_before_a_simulation_begins_only_the_state_is_kept(tmp_path: Path) -> None:
+    world = World(tmp_path / "walk", is_simulated=True)
+    world.topic.update_offers([QoSProfile(1, durability="transient_local")])
+    world.pipeline.set_publishers(world.topic, {b"gid": 1})
+    world.subscription.waiting = 3
+    world.intake.take(world.topic)
+    world.time = Time(nanosec=7)
+    world.subscription.waiting = 1
+    world.intake.take(world.topic)
+    while world.pipeline.messages < 2:  # noqa: ASYNC110
+        await asyncio.sleep(0)
+    world.topic.finish()
+    assert world.pipeline.close()["/topic"] == TopicLosses(2, 2)
+    bag = Bag(tmp_path / "walk")
+    assert [message.log_time for _, _, message in bag.messages(bag.files[0])] == [7, 7]
 
 
 @needs_core

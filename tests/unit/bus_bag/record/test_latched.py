@@ -58,3 +58,13 @@ def test_what_was_not_written_is_given_once() -> None:
     assert made.has_unwritten
     assert [one.message for one in made.take_unwritten()] == [2, 3]
     assert (made.has_unwritten, made.take_unwritten(), kept(made)) == (False, [], [1, 2, 3])
+
+
+def test_forgotten() -> None:
+    made = state({A: 2})
+    add(made, A, 1, 2)
+    made.forget("/map", A, 2)
+    made.forget("/map", B, 1)
+    assert kept(made) == [1]
+    add(made, A, 3)
+    assert kept(made) == [1, 3]

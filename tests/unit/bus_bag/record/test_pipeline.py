@@ -1,5 +1,6 @@
 """The way from taken messages to the file, without a bus. The disk is as slow as the test wants."""
 
+import errno
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,6 +22,7 @@ from bus_bag.record.choice import Found, Wanted
 from bus_bag.record.options import RecordOptions
 from bus_bag.record.pipeline import Pipeline
 from bus_bag.record.topic import RecordedTopic
+from bus_bag.storage.bag_files import BagFiles
 from bus_plot.loss_timeline import Slot
 from packing import pack_of
 from recording import Bag
@@ -56,13 +58,14 @@ class World:
     ) -> None:
         self._is_packed = is_packed
         self._uses_core = uses_core
+        self.now_ns = 1000
         self.may_write = threading.Event()
         self.progress = threading.Semaphore(0)
         self.rejected: list[str] = []
         self.splits: list[tuple[str, str]] = []
         self.pipeline = Pipeline(
             RecordOptions(folder=folder, wanted=Wanted(), **options),
-            now_ns=lambda: 1000,
+            now_ns=lambda: self.now_ns,
             on_progress=self.progress.release,
             on_split=lambda closed, opened: self.splits.append((closed.name, opened.name)),
             on_reject=lambda topic, error: self.rejected.append(topic.name),
@@ -188,6 +191,24 @@ def test_what_is_no_message_is_counted(folder: Path) -> None:
     assert world.rejected == ["/topic", "/map"]
 
 
+@pytest.mark.parametrize("is_paused", [False, True])
+@pytest.mark.parametrize("is_snapshot", [False, True])
+def test_what_is_no_message_is_counted_once(folder: Path, is_snapshot: bool, is_paused: bool) -> None:
+    """Also in further files, whose state it is not."""
+    world = World(folder, is_snapshot=is_snapshot)
+    latched = world.topic("/map", is_latched=True)
+    world.put(latched, "a")
+    world.put(latched, "?", is_paused=is_paused)
+    world.pipeline.resume()
+    if is_snapshot:
+        world.pipeline.snapshot()
+    world.pipeline.split()
+    world.pipeline.split()
+    losses = world.finish()
+    assert (losses["/map"].expected, losses["/map"].lost) == (2, {"undecodable": 1})
+    assert len(world.bag.files) == 3
+
+
 def test_each_further_file_begins_with_the_state(folder: Path) -> None:
     world = World(folder, max_bag_duration=10)
     latched, plain = world.topic("/map", is_latched=True), world.topic("/topic")
@@ -215,6 +236,35 @@ def test_a_file_that_begins_within_a_batch_has_what_the_batch_brought_before(fol
         [1, 2],
         [2, 3],
     ]
+
+
+def test_the_limit_of_bytes_does_not_cover_the_state(folder: Path) -> None:
+    """Otherwise a state above the limit gives each message a file of its own."""
+    world = World(folder, max_cache_size=0, max_bag_size=5000)
+    latched, plain = world.topic("/map", is_latched=True), world.topic("/topic")
+    world.put(latched, "x" * 10_000)
+    world.put(plain, *["x" * 1000] * 20)
+    world.pipeline.flush()
+    world.finish()
+    assert 2 < len(world.bag.files) <= 5
+
+
+def test_the_limit_of_bytes_does_not_cover_what_describes_the_topics(folder: Path) -> None:
+    """Each file has that at its beginning and its end, and gets it after the decision to split."""
+    world = World(folder, max_bag_size=20_000)
+    topics = [world.topic(f"/topic_{number}") for number in range(50)]
+    thread = world.pipeline._thread
+    assert thread is not None
+    for topic in topics:
+        world.put(topic, "x")
+    for _ in range(100):
+        world.put(topics[0], "x" * 1000)
+        world.pipeline.pump()
+        while not thread.is_idle:
+            world.progress.acquire(timeout=30)
+    world.finish()
+    assert 5 <= len(world.bag.files) <= 6
+    assert min(file.stat().st_size for file in world.bag.files) > 40_000
 
 
 def _story(world: World, *, has_snapshots: bool) -> dict[str, TopicLosses]:
@@ -274,15 +324,124 @@ def test_the_same_files_from_buffers_as_one_by_one(tmp_path: Path, options: dict
 def test_what_came_in_a_pause_is_taken_up_as_state(folder: Path) -> None:
     world = World(folder)
     latched, plain = world.topic("/map", is_latched=True), world.topic("/topic")
-    world.put(plain, "unheard", is_paused=True)
-    world.put(latched, "old", "hall", is_paused=True)
+    world.put(plain, "unheard", at=1, is_paused=True)
+    world.put(latched, "old", "hall", at=2, is_paused=True)
+    world.now_ns = 3
     world.pipeline.resume()
-    world.pipeline.pump()
-    world.put(plain, "heard")
+    world.put(plain, "heard", at=4)
+    world.now_ns = 5
     losses = world.finish()
     assert losses == {"/map": TopicLosses(1, 1), "/topic": TopicLosses(1, 1)}
     assert world.bag.texts("/map") == ["hall"]
-    assert [one[2].log_time for one in world.bag.messages(world.bag.files[0], "/map")] == [1000]
+    assert [one[2].log_time for one in world.bag.messages(world.bag.files[0], "/map")] == [3]
+
+
+def test_a_split_does_not_overtake_waiting_messages(folder: Path) -> None:
+    world = World(folder, is_slow=True)
+    latched, plain = world.topic("/map", is_latched=True), world.topic("/topic")
+    world.put(latched, "old", at=1)
+    world.pipeline.pump()
+    world.put(latched, "new", at=5)
+    world.now_ns = 6
+    world.pipeline.split()
+    world.put(plain, "later", at=7)
+    world.now_ns = 8
+    losses = world.finish()
+    files = [
+        [
+            (one.log_time, one.data[8:11])
+            for name in ("/map", "/topic")
+            for *_, one in world.bag.messages(file, name)
+        ]
+        for file in world.bag.files
+    ]
+    assert files == [[(1, b"old"), (5, b"new")], [(6, b"new"), (7, b"lat")]]
+    assert losses["/map"] == TopicLosses(2, 2)
+
+
+def test_the_state_comes_before_the_memory_of_a_snapshot(folder: Path) -> None:
+    world = World(folder, is_snapshot=True)
+    latched, plain = world.topic("/map", is_latched=True), world.topic("/topic")
+    world.put(latched, "hall", at=1)
+    world.pipeline.snapshot()
+    world.put(plain, "a", "b", at=5)
+    world.now_ns = 7
+    world.pipeline.split()
+    world.pipeline.snapshot()
+    world.finish()
+    (state,) = world.bag.messages(world.bag.files[1], "/map")
+    assert state[2].log_time == 5
+
+
+def test_a_request_that_is_dropped_is_no_loss(folder: Path) -> None:
+    world = World(folder, is_slow=True)
+    world.put(world.topic("/topic"), "a")
+    world.pipeline.split()
+    world.pipeline.resume()
+    world.pipeline.drop()
+    assert world.finish()["/topic"].lost == {"not_written": 1}
+    assert len(world.bag.files) == 1
+
+
+@pytest.mark.parametrize("is_repeated", [False, True])
+def test_a_further_file_has_what_came_in_the_pause(folder: Path, is_repeated: bool) -> None:
+    """Also if it is the first message of its topic."""
+    world = World(folder)
+    latched = world.topic("/map", is_latched=True)
+    if is_repeated:
+        world.put(latched, "old")
+    world.put(latched, "hall", is_paused=True)
+    world.pipeline.pump()
+    world.pipeline.split()
+    world.pipeline.resume()
+    losses = world.finish()
+    assert [len(world.bag.messages(file, "/map")) for file in world.bag.files] == [is_repeated, 1]
+    assert world.bag.texts("/map")[-1] == "hall"
+    written = 1 + is_repeated
+    assert losses["/map"] == TopicLosses(written, written)
+
+
+def test_a_snapshot_after_a_split_has_the_state(folder: Path) -> None:
+    world = World(folder, is_snapshot=True, max_cache_size=10)
+    latched, plain = world.topic("/map", is_latched=True), world.topic("/topic")
+    world.put(latched, "hall")
+    world.put(plain, "forgotten", "kept")  # the map has left the memory
+    world.pipeline.split()
+    world.pipeline.snapshot()
+    losses = world.finish()
+    assert (world.bag.texts("/map"), world.bag.texts("/topic")) == (["hall"], ["kept"])
+    assert losses["/map"] == TopicLosses(1, 1)
+
+
+def test_a_snapshot_begins_with_the_state(folder: Path) -> None:
+    world = World(folder, is_snapshot=True, max_cache_size=12)
+    latched, plain = world.topic("/map", is_latched=True), world.topic("/topic")
+    world.put(latched, "hall", at=1)
+    for number in range(2, 10):
+        world.put(plain, str(number), at=number)
+    world.pipeline.snapshot()
+    world.finish()
+    (state,) = world.bag.messages(world.bag.files[0], "/map")
+    first = world.bag.messages(world.bag.files[0], "/topic")[0]
+    assert 2 < first[2].log_time < 9
+    assert state[2].log_time == first[2].log_time
+
+
+def test_a_snapshot_has_the_state_of_a_pause(folder: Path) -> None:
+    """And the messages from before the pause: those of the pause take no room."""
+    world = World(folder, is_snapshot=True, max_cache_size=30)
+    latched, plain = world.topic("/map", is_latched=True), world.topic("/topic")
+    world.put(plain, "before", at=0)
+    world.put(latched, "hall", at=1, is_paused=True)
+    world.put(plain, *["unheard"] * 20, at=2, is_paused=True)
+    world.pipeline.resume()
+    world.put(plain, "heard", at=3)
+    world.pipeline.snapshot()
+    world.pipeline.snapshot()  # has nothing more
+    losses = world.finish()
+    assert (world.bag.texts("/map"), world.bag.texts("/topic")) == (["hall"], ["before", "heard"])
+    assert [one[2].log_time for one in world.bag.messages(world.bag.files[0], "/map")] == [0]
+    assert losses == {"/map": TopicLosses(1, 1), "/topic": TopicLosses(2, 2)}
 
 
 def test_others_read_topics_whose_publishers_came_later(folder: Path) -> None:
@@ -299,6 +458,27 @@ def test_others_read_topics_whose_publishers_came_later(folder: Path) -> None:
     world.finish()
     with AnyReader([folder]) as reader:
         assert [data[8:9] for _, _, data in reader.messages()] == [b"a", b"b", b"c"]
+
+
+@pytest.mark.parametrize("max_cache_size", [0, 1 << 20])
+def test_a_further_file_that_can_not_be_made(
+    folder: Path, max_cache_size: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The written part is a complete bag, and the reason stays."""
+    world = World(folder, max_cache_size=max_cache_size)
+    topic = world.topic("/topic")
+    world.put(topic, "a")
+
+    def fail(files: BagFiles) -> None:
+        raise OSError(errno.EMFILE, "Too many open files")
+
+    monkeypatch.setattr(BagFiles, "_open", fail)
+    world.pipeline.split()
+    world.put(topic, "b")
+    losses = world.finish()
+    assert str(world.pipeline.failure) == f"[Errno {errno.EMFILE}] Too many open files"
+    assert (world.bag.metadata.message_count, world.bag.texts()) == (1, ["a"])
+    assert losses["/topic"].lost == {"not_written": 1}
 
 
 @pytest.mark.parametrize("is_snapshot", [False, True])

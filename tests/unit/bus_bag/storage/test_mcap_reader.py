@@ -1,5 +1,6 @@
 """MCAP files that are damaged, come from other programs, or are made to do harm."""
 
+import os
 import resource
 from pathlib import Path
 
@@ -140,6 +141,31 @@ def zstd_of(size: int) -> bytes:
     return b"\x28\xb5\x2f\xfd\xe0" + size.to_bytes(8, "little") + b"\x01\x00\x00"
 
 
+def indexed(data: bytes, *indexes: bytes) -> bytes:
+    """Data with an index."""
+    statistics = record(Opcode.STATISTICS, bytes(46))
+    return data + b"".join(indexes) + statistics + footer(len(MAGIC) + len(data))
+
+
+def metadata_index(offset: int) -> bytes:
+    return record(Opcode.METADATA_INDEX, offset.to_bytes(8, "little") + bytes(12))
+
+
+def chunk_index(offset: int, length: int) -> bytes:
+    times = START.to_bytes(8, "little") * 2
+    return record(
+        Opcode.CHUNK_INDEX, times + offset.to_bytes(8, "little") + length.to_bytes(8, "little") + bytes(4)
+    )
+
+
+def metadata_within(count: int) -> bytes:
+    """Heads of metadata records, one after the other, which end all at the same place."""
+    end = 9 * count + 20_000
+    heads = (record(Opcode.METADATA, b"", end - 9 * number) for number in range(1, count + 1))
+    return b"".join(heads) + bytes(20_000)
+
+
+LONG = (1 << 20).to_bytes(4, "little") + b"x" * (1 << 20)
 HOSTILE = {
     "nothing but the magic": b"",
     "a record without an end": record(Opcode.SCHEMA, b"", HUGE),
@@ -161,23 +187,45 @@ HOSTILE = {
     + footer(8),
     "statistics with too many counts": record(Opcode.STATISTICS, bytes(42) + b"\xff\xff\xff\xff") + footer(8),
     "zeros": bytes(5000),
+    "one metadata record many times": indexed(
+        record(Opcode.METADATA, LONG + bytes(4)), *[metadata_index(len(MAGIC))] * 300
+    ),
+    "metadata records within others": indexed(
+        metadata_within(200), *(metadata_index(len(MAGIC) + 9 * number) for number in range(200))
+    ),
+    "many chunks before the same message indexes": indexed(
+        bytes(300) + record(Opcode.MESSAGE_INDEX, bytes(6)) * 500,
+        *(chunk_index(len(MAGIC) + number, 300 - number) for number in range(300)),
+    ),
 }
 
 
 @for_each("name", HOSTILE)
-def test_hostile_files(tmp_path: Path, name: str) -> None:
-    """The result is an empty bag or an error of one line, with little time and memory."""
+def test_hostile_files(tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The result is an empty bag or an error of one line, with few bytes read and little memory."""
     path = tmp_path / "hostile.mcap"
     path.write_bytes(MAGIC + HOSTILE[name])
+    read_sizes = []
+    pread = os.pread
+
+    def counting(descriptor: int, size: int, offset: int) -> bytes:
+        data = pread(descriptor, size, offset)
+        read_sizes.append(len(data))
+        return data
+
     most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    try:
-        with open_bag(path) as reader:
-            assert read(reader) == []
-            assert read(reader, by="publish_time") == []
-            assert all("\n" not in str(problem) for problem in reader.problems)
-    except BagError as error:
-        assert "\n" not in str(error)
+    with monkeypatch.context() as patched:
+        patched.setattr("os.pread", counting)
+        try:
+            with open_bag(path) as reader:
+                assert read(reader) == []
+                assert read(reader, by="publish_time") == []
+                assert all("\n" not in str(problem) for problem in reader.problems)
+        except BagError as error:
+            assert "\n" not in str(error)
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss < most + 100_000  # KiB
+    assert len(read_sizes) < 70_000
+    assert sum(read_sizes) < 10 * path.stat().st_size + (2 << 20)
 
 
 def test_chunks_that_overlap(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

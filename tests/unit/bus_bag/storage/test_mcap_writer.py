@@ -121,6 +121,8 @@ def test_there_is_no_room_for_a_further_file(tmp_path: Path, monkeypatch: pytest
     monkeypatch.setattr("os.writev", full)
     with pytest.raises(BagFull):
         writer.split()
+    write(writer, channels, said(1))
+    writer.write_metadata("busd.losses", {})
     writer.close()
     with open_bag(tmp_path / "walk") as reader:
         assert read(reader) == said(10, length=900)

@@ -166,6 +166,15 @@ def test_what_is_no_file(tmp_path: Path) -> None:
         assert [problem.text for problem in reader.problems] == ["it can't be used: it is not a file"]
 
 
+def test_a_name_that_no_file_can_have(tmp_path: Path) -> None:
+    folder = write_bag(tmp_path / "walk", said(3))
+    text = (folder / "metadata.yaml").read_text()
+    for name in ("a\\0.mcap", "a\\0.db3", "a\\0.mcap.zstd"):
+        (folder / "metadata.yaml").write_text(text.replace("- walk_0.mcap", f'- "{name}"'))
+        with pytest.raises(BagError, match=r"^no file can have the path '.*a.x00.*'$"):
+            open_bag(folder)
+
+
 def test_the_package_is_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """One sentence names the extra. SQLite files are readable without it."""
     folder = write_bag(tmp_path / "walk", said(3))
