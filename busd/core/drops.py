@@ -41,8 +41,8 @@ class Drops:
             subscription.is_drop_report_due = True
             self._timers.add(now_ns + DROP_REPORT_NS, lambda _: self.report(subscription))
 
-    def replace(self, now_ns: int, subscription: Subscription) -> None:
-        """Drop the oldest samples above the subscription's depth, and count them."""
+    def replace(self, now_ns: int, subscription: Subscription) -> int:
+        """Drop the oldest samples above the subscription's depth, and count them; returns the cost."""
         queue = subscription.queue
         head = _head(queue)
         if replaced := queue.trim():
@@ -50,6 +50,8 @@ class Drops:
             subscription.missed = replaced + (subscription.missed if head == subscription.head_after else 0)
             subscription.most_missed = max(subscription.most_missed, subscription.missed)
             subscription.head_after = _head(queue)
+            return queue.steps // STAMPS_PER_UNIT
+        return 0
 
     def shed(
         self, now_ns: int, subscription: Subscription, reason: str, drop: Callable[[list[Run] | None], int]

@@ -22,7 +22,16 @@ from busd.core.entities import Match, Peer, Publisher, Subscription
 from busd.core.match import MatchEvent, MatchState
 from busd.core.matching import give_credit, release
 from busd.core.overload import Overload
-from busd.core.work import FRAME, LOOKS_PER_UNIT, QUEUES_PER_UNIT, SAMPLES_PER_UNIT, TELL, Meter, Work
+from busd.core.work import (
+    FRAME,
+    LOOKS_PER_UNIT,
+    QUEUES_PER_UNIT,
+    SAMPLES_PER_UNIT,
+    STAMPS_PER_UNIT,
+    TELL,
+    Meter,
+    Work,
+)
 
 _MANY_QUEUES = 64
 _FEW = 32
@@ -104,6 +113,7 @@ class Router:
         history = publisher.history
         if history is not None and history.append(run):
             history.trim()
+            self._meter.left -= history.steps // STAMPS_PER_UNIT
             self._overload.bound_history(now_ns, publisher)
         if publisher.crowds:
             self._fan_out(now_ns, publisher, run, gap, out, is_loss=not is_resumed)
@@ -254,7 +264,7 @@ class Router:
             if subscription in subscription.node.peer.perishable:
                 while queue.is_overfull and (price := self._drops.expire(now_ns, subscription)):
                     self._meter.left -= price
-            self._drops.replace(now_ns, subscription)
+            self._meter.left -= self._drops.replace(now_ns, subscription)
             self._overload.bound(now_ns, subscription)
         self._overfull.clear()
 

@@ -66,6 +66,20 @@ class Run(msgspec.Struct, eq=False, gc=False):
     """The latest stamp in the run; None: not read yet. All queues of the run share it."""
     pieces: tuple[Buffer, ...] = ()
     """The body in pieces, if it is not in one place; the use of `body` as a buffer joins them."""
+    cut: tuple[int, int] = (0, 0)
+    """The records and bytes before the place at which a queue cut it last. Queues of one depth cut it there,
+    too, without a step for each record."""
+
+    def cut_at(self, count: int, known: int, offset: int) -> tuple[int, int]:
+        """The offset behind the first `count` records, and the steps that this took.
+
+        `offset` is the one behind the first `known` records, which are not more.
+        """
+        if known <= self.cut[0] <= count:
+            known, offset = self.cut
+        offset = _walk(self.body, offset, count - known)
+        self.cut = count, offset
+        return offset, count - known
 
     def after(self, seq: int) -> "Run":
         """The rest of the run after number `seq`, which is in the run and not its last."""
@@ -197,6 +211,7 @@ class RunQueue:
         "rest",
         "runs",
         "skipped",
+        "steps",
     )
 
     def __init__(self, depth: int, account: Account, endpoint: int = 0) -> None:
@@ -212,6 +227,7 @@ class RunQueue:
         # The head run may be partly used up: its used bytes and samples.
         self.offset = 0
         self.skipped = 0
+        self.steps = 0  # records that the last drop looked at
         self.is_ready = False  # in the ready list of an Outbox
 
     def set_depth(self, depth: int) -> None:
@@ -252,7 +268,7 @@ class RunQueue:
 
     def drop(self, count: int) -> int:
         """Drop the `count` oldest samples; returns the number dropped (less only if the queue had fewer)."""
-        left = count
+        left, self.steps = count, 0
         while left and self.runs:
             run = self.runs[0]
             held = run.count - self.skipped
@@ -401,7 +417,7 @@ class RunQueue:
             first_seq = run.first_seq + skipped
             seen = min(held, max(surplus, after_seq + 1 - first_seq))
             if seen < held:
-                offset = _walk(run.body, offset, seen)
+                offset, _ = run.cut_at(skipped + seen, skipped, offset)
                 body = memoryview(run.body)[offset:]
                 replay = Run(0, run.source, first_seq + seen, held - seen, body, is_replay=True)
                 replay.lifespan_ns = run.lifespan_ns
@@ -410,7 +426,7 @@ class RunQueue:
             offset = skipped = 0
 
     def _skip(self, run: Run, count: int) -> None:
-        self.offset = _walk(run.body, self.offset, count)
+        self.offset, self.steps = run.cut_at(self.skipped + count, self.skipped, self.offset)
         self.skipped += count
         self.count -= count
 

@@ -398,3 +398,25 @@ class TestThousandsOverQuota:
         assert waiting.runs is runs
         assert waiting.drop_over_quota(gone, most=1) == 1
         assert (waiting.count, account.used, list(waiting.runs)) == (0, 0, [])
+
+
+def test_queues_that_share_a_run_cut_it_where_their_depths_say() -> None:
+    """Each continues from the last cut of another one, if that lies before its own."""
+    shared = [run("abcdef"), run("ghijkl", 7)]
+    found, steps = [], []
+    for depth in (1, 3, 2, 1, 8, 7):
+        waiting = queue(depth)
+        for one in shared:
+            waiting.push(one)
+        steps.append(waiting.steps)
+        found.append(taken(waiting))
+    assert found == ["l", "jkl", "kl", "l", "efghijkl", "fghijkl"]
+    assert steps[0] == 5 and steps[2:4] == [1, 1]
+
+
+def test_a_cut_of_a_run_that_is_too_short() -> None:
+    bad = malformed("abc", claims=6)
+    for depth in (1, 2, 5):
+        waiting = queue(depth)
+        waiting.push(bad)
+        assert taken(waiting) == ("bc" if depth == 5 else "")

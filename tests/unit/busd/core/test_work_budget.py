@@ -371,6 +371,14 @@ def a_run_for_deaf_ones(world: Big) -> Callable[[], object]:
     return lambda: publisher.publish("x")
 
 
+def a_long_run_for_deaf_ones_with_short_queues(world: Big) -> Callable[[], object]:
+    """Each queue keeps the last sample of a run that all of them share."""
+    _deaf(world, 60, QoSProfile(depth=1))
+    publisher = world.process().publisher("/t", QoSProfile(1, durability="transient_local"))
+    publisher.publish(*"x" * 1000)
+    return lambda: publisher.publish(*"x" * 1000)
+
+
 def a_long_run_for_deaf_ones_of_which_all_has_expired(world: Big) -> Callable[[], object]:
     _deaf(world, 60)
     publisher = world.process().publisher("/t", QoSProfile(lifespan=1.0))
@@ -420,6 +428,7 @@ BESIDES: tuple[Scene, ...] = (
     a_run_for_many,
     a_run_too_large_for_many,
     a_run_for_deaf_ones,
+    a_long_run_for_deaf_ones_with_short_queues,
     a_long_run_for_deaf_ones_of_which_all_has_expired,
     a_deaf_process_reads_again_when_all_has_expired,
     a_message_that_leaves_no_room_for_many_short_ones,
