@@ -189,12 +189,12 @@ class Dispatcher(Generic[M]):
         self.dispatch()
 
     async def _run(self) -> None:
-        callback = self._callback
         while True:
             try:
                 message, info = await self._receive()
             except ConnectionClosed:
                 return
+            callback = self._callback  # it may have been replaced
             try:
                 await (
                     call_async(callback, message, info) if self._wants_info else call_async(callback, message)
