@@ -113,6 +113,7 @@ static int reject(Reader *self, uint64_t size)
     self->undecodable++;
     PyErr_Fetch(&type, &error, &traceback);
     PyErr_NormalizeException(&type, &error, &traceback);
+    PyException_SetTraceback(error, Py_None); /* its frames would keep the sample */
     int status = 0;
     if (PyList_Size(self->rejected) < MAX_REJECTED) {
         PyObject *item = Py_BuildValue("(KO)", (unsigned long long)size, error);
@@ -121,7 +122,7 @@ static int reject(Reader *self, uint64_t size)
     }
     Py_XDECREF(type);
     Py_XDECREF(error);
-    Py_XDECREF(traceback); /* its frames would keep the sample */
+    Py_XDECREF(traceback);
     return status;
 }
 

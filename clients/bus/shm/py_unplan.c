@@ -218,6 +218,8 @@ static PyObject *decode_around(const Plan *self, PyObject *decode, const unsigne
                                      : PyBytes_FromStringAndSize((const char *)rest, (Py_ssize_t)(before + 1 + after));
     if (payload != NULL)
         message = PyObject_CallFunctionObjArgs(decode, payload, NULL);
+    if (message != NULL && (PyObject *)Py_TYPE(message) != self->kind)
+        Py_CLEAR(message); /* another decoder, as of a drain, which takes the bytes themselves */
     if (message != NULL && self->fields[0].set(self->fields[0].slot, message, text) < 0)
         Py_CLEAR(message);
     Py_XDECREF(payload);

@@ -351,7 +351,7 @@ static PyObject *writer_lent(PyObject *object, PyObject *Py_UNUSED(none))
     const Writer *self = (const Writer *)object;
     const struct ring_writer *ring = &self->ring;
     void *place = ring->data + (ring->head & (ring->capacity - 1)) + RING_HEAD_BYTES;
-    return loan_new(core_state(object), self->memory, place, self->is_lent ? self->lent : 0);
+    return loan_new(core_state(object), self->memory, place, self->is_lent && ring->loan != 0 ? self->lent : 0);
 }
 
 static PyObject *writer_publish_lent(PyObject *object, PyObject *Py_UNUSED(none))
@@ -360,8 +360,8 @@ static PyObject *writer_publish_lent(PyObject *object, PyObject *Py_UNUSED(none)
     PyObject *outcome;
     if (!writer_is_open(self, &outcome))
         return outcome;
-    if (self->ring.loan == 0) {
-        PyErr_SetString(PyExc_ValueError, "nothing is lent: another write took the place back");
+    if (!self->is_lent || self->ring.loan == 0) {
+        PyErr_SetString(PyExc_ValueError, "nothing is lent: the loan ended, or another write took the place back");
         return NULL;
     }
     if (self->lent > self->most) /* `most` has become smaller since */

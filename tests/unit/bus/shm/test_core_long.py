@@ -166,6 +166,21 @@ def test_a_text_with_another_character_is_decoded_as_usual(at: int) -> None:
     reading.close()
 
 
+@for_each("is_found", [False, True])
+def test_another_decoder_gets_all_of_a_long_text(is_found: bool) -> None:
+    """A drain takes the bytes themselves. `is_found`: the plan of the texts is known already."""
+    reading = Reading(Note)
+    payload = reading.support.encode(Note("x" * LONG, 7))
+    if is_found:
+        assert reading.take(payload) == [Note("x" * LONG, 7)]
+    for _ in range(2):
+        reading.talker.writer.write_parts((payload,))
+    taken = reading.listener.reader.take(9, bytes)
+    assert [one if isinstance(one, bytes) else one[0] for one in taken] == [payload] * 2
+    assert reading.listener.reader.undecodable == 0
+    reading.close()
+
+
 @for_each("at", [0, BLOCK - 1, LONG // 2, LONG - 1])
 def test_bytes_that_are_no_text_are_refused(at: int) -> None:
     reading = Reading(Note)

@@ -170,6 +170,20 @@ def test_a_decoder_that_refuses_a_view_lets_it_go(talker: Talker, listener: List
     assert listener.readers.is_free(slot)
 
 
+def test_the_error_of_a_decoder_does_not_keep_the_sample(talker: Talker, listener: Listener) -> None:
+    """Its traceback would: the frame of the decoder has the payload."""
+    slot = listener.join(talker)
+
+    def refuse(payload: memoryview) -> None:
+        raise ValueError("no")
+
+    talker.write(bytes(LARGE))
+    assert listener.reader.messages(1, refuse) == []
+    assert listener.readers.is_free(slot)
+    ((_, error),) = listener.reader.pop_rejected()
+    assert error.__traceback__ is None
+
+
 def test_a_child_does_not_release_the_parents_pins(talker: Talker, listener: Listener) -> None:
     slot = listener.join(talker)
     talker.write(bytes(LARGE))

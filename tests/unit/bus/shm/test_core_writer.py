@@ -62,6 +62,24 @@ def test_a_loan_that_is_given_back_leaves_nothing() -> None:
     talker.close()
 
 
+def test_a_loan_that_is_given_back_can_not_be_published() -> None:
+    talker = prepared()
+    assert talker.lend_field(Frame(1), INDEX, 3) is not False
+    talker.writer.is_lent = False
+    with pytest.raises(ValueError, match="nothing is lent"):
+        talker.writer.publish_lent()
+    assert talker.writer.latest == 0
+    talker.close()
+
+
+def test_another_write_ends_the_loan() -> None:
+    talker = prepared()
+    assert talker.lend_field(Frame(1), INDEX, 3) is not False
+    talker.writer.write_parts((b"abc",))
+    assert len(talker.writer.lent()) == 0
+    talker.close()
+
+
 @for_each(
     ("index", "size"),
     [(-1, 3), (2, 3), (1 << 40, 3), (1 << 70, 3), (0, 3), (INDEX, -1), (INDEX, 1 << 70), (INDEX, 2.0)],
