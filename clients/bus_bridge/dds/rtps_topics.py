@@ -302,8 +302,8 @@ class _Writer(RouteOut):
         self.update()
 
     def _send(self, cdr: bytes, time_ns: int) -> bool:
-        kept = self._writer
-        if self._most and (kept.kept >= self._most or kept.kept_bytes >= _KEPT_BYTES // 2):
+        out = self._writer
+        if self._most and (out.waiting >= self._most or out.waiting_bytes >= _KEPT_BYTES // 2):
             return False  # a lossless publisher waits
         self._participant.write(self._local, cdr, time_ns=time_ns)
         return True
