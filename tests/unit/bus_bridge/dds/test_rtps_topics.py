@@ -21,7 +21,7 @@ from bus_bridge.rtps.local import Local
 from bus_bridge.rtps.own_announcements import Settings
 from bus_bridge.rtps.parameters import Address
 from bus_bridge.rtps.participant import Events, Participant
-from bus_bridge.rtps.policies import TRANSIENT_LOCAL, Policies
+from bus_bridge.rtps.policies import RELIABLE, TRANSIENT_LOCAL, Policies
 from bus_bridge.rtps.reach import Reach
 from bus_bridge.rtps.reader import Arrived
 from bus_bridge.rtps.writer import Keeping
@@ -124,3 +124,61 @@ async def test_what_is_acknowledged_holds_up_no_lossless_publisher(monkeypatch: 
     world.far.is_cut = True
     assert writer.write(batch(51, 20)) == 10  # now it waits
     writer.close()
+
+
+STRONGER = [
+    (RELIABLE, RELIABLE),
+    (RELIABLE, RELIABLE._replace(depth=500)),
+    (RELIABLE._replace(reliable=False), RELIABLE),
+    (RELIABLE._replace(reliable=False), RELIABLE._replace(reliable=False, depth=500)),
+    (LATCHED, LATCHED._replace(depth=500)),
+    (RELIABLE, LATCHED),
+]
+
+
+@pytest.mark.parametrize(("first", "second"), STRONGER)
+async def test_a_new_reader_takes_no_message_away(
+    monkeypatch: pytest.MonkeyPatch, first: Policies, second: Policies
+) -> None:
+    world = World(monkeypatch)
+    writer = world.far_writer(LATCHED if second.transient_local else RELIABLE)
+    one = world.listen(first)
+    world.network.run(3)
+    world.read(writer)
+    texts = [f"{number}" for number in range(60)]
+    for text in texts[:20]:
+        world.say(writer, text)
+    world.network.run(1)
+    assert world.heard == texts[:20]
+    world.listen(second)
+    for text in texts[20:40]:
+        world.say(writer, text)
+        world.network.run(0.0005)
+    world.network.run(1)
+    assert world.heard == texts[:40]
+    world.say(writer, texts[40])
+    world.network.run(1)
+    world.carrier.retire_reader(one)
+    for text in texts[41:]:
+        world.say(writer, text)
+    world.network.run(1)
+    assert world.heard == texts
+
+
+async def test_a_reader_with_the_history_takes_over_if_nothing_was_passed_on(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    world = World(monkeypatch)
+    writer = world.far_writer(LATCHED)
+    for text in "abc":
+        world.say(writer, text)
+    world.network.run(1)
+    world.listen(RELIABLE)
+    world.network.run(3)
+    world.read(writer)
+    world.listen(LATCHED)
+    world.network.run(3)
+    assert world.heard == ["a", "b", "c"]
+    world.say(writer, "d")
+    world.network.run(1)
+    assert world.heard == ["a", "b", "c", "d"]
