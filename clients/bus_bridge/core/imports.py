@@ -66,10 +66,11 @@ class Import:
     def resume(self, past: Past) -> None:
         """Continue after the end of an earlier route of the publisher. Call this before any other method."""
         self._publishing.account = past.account
-        self._reading.resume(past.lost_before)
-        self._newest_ns = past.newest_ns
         # A new mirror has no history for late joiners, so the history must come again.
-        self._continuity.resume(past.last, restores=self._qos.durability is Durability.TRANSIENT_LOCAL)
+        restores = self._qos.durability is Durability.TRANSIENT_LOCAL
+        self._reading.resume(past.lost_before, restores=restores)
+        self._newest_ns = past.newest_ns
+        self._continuity.resume(past.last, restores=restores)
         self._listeners.resume(past.listeners, past.last)
         if past.numbering != self._numbering:
             self._renumber()

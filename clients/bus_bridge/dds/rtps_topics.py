@@ -129,9 +129,17 @@ class RtpsCarrier:
         self.choose(reader.topic)
 
     def read(
-        self, endpoint: FarEndpoint, handle: int, known: KnownType, on_batch: Callable[[Batch], None]
+        self,
+        endpoint: FarEndpoint,
+        handle: int,
+        known: KnownType,
+        on_batch: Callable[[Batch], None],
+        *,
+        restores: bool,
     ) -> Reader:
         gid = endpoint.gid
+        if restores:
+            self._last.pop(gid, None)
         route = _Route(self, gid, known, on_batch)
         route.last = self._last.get(gid, 0)
         self._routes[gid] = route

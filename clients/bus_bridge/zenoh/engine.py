@@ -199,8 +199,10 @@ class ZenohEngine:
         endpoint: FarEndpoint,
         schema: MessageSchema,
         on_batch: Callable[[Batch], None],
+        *,
+        restores: bool = False,
     ) -> ZenohReader:
-        """As `Engine.read`."""
+        """As `Engine.read`. Each reader asks for kept messages, whatever `restores` is."""
         assert self._presence is not None
         bus = self._presence.bus_of(endpoint.node)
         if bus is None:

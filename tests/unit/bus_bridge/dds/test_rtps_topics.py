@@ -98,7 +98,7 @@ class World:
         def on_batch(batch: Batch) -> None:
             self.heard += [msgspec.msgpack.decode(one.payload)[0] for one in batch]
 
-        return self.carrier.read(endpoint, 0, KNOWN, on_batch)
+        return self.carrier.read(endpoint, 0, KNOWN, on_batch, restores=False)
 
 
 def batch(first: int, count: int) -> Batch:
