@@ -132,7 +132,7 @@ class ZenohEngine:
     ) -> ZenohWriter:
         """As `Engine.announce_publisher`."""
         if (leaving := self._writers.get(endpoint.gid)) is not None:
-            if leaving.come_back(endpoint, on_change):
+            if leaving.come_back(endpoint, rule, on_change):
                 return leaving
             leaving.end()
         withdraw = self._announce(endpoint, schema)
