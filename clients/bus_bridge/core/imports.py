@@ -194,7 +194,9 @@ class Import:
         missing = found.lost
         if found.missed and self._listeners.are_back:
             missing += found.missed
-        account.miss(missing, sum(self._reading.lost.values()))
+        lost = self._reading.lost
+        # A repeated message leaves no gap in the numbers.
+        account.miss(missing, sum(lost.values()) - lost.get(DropReason.REPEATED, 0))
         return found.batch
 
     def _without_expired(self, batch: Batch) -> Batch | None:

@@ -182,6 +182,9 @@ async def test_numbers_of_messages_lost_in_the_engine_are_not_lost_on_the_way_to
     assert way.way.losses == {"undecodable": 1, "memory_limit": 1}
     way.receive(6)
     assert way.way.losses == {"undecodable": 1, "memory_limit": 1, "lost_on_the_way": 1}
+    way.engine.lost = {"undecodable": 1, "memory_limit": 1, "repeated": 3}  # these leave no gap
+    way.receive(8)
+    assert way.way.losses["lost_on_the_way"] == 2
     assert way.closes
 
 
