@@ -48,8 +48,8 @@ WHOLE_BYTES = LONG_PACK_BYTES
 copies, and each put wakes every thread on its way."""
 MAX_MESSAGE_BYTES = 1 << 30
 MAX_NUMBER = (1 << 48) - 1
-"""The highest number of a message, and of a part: a million a second for nine years. Higher numbers are forged, and would
-break counters."""
+"""The highest number of a message, and of a part: a million a second for nine years. Higher numbers are
+forged, and would break counters."""
 
 _HEAD = Struct("<cQ")
 _WHOLE = Struct("<cQQq")
