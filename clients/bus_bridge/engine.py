@@ -240,8 +240,12 @@ class Engine(Protocol):
         endpoint: FarEndpoint,
         schema: MessageSchema,
         on_batch: Callable[[Batch], None],
+        *,
+        restores: bool = False,
     ) -> Reader:
         """Read messages of a far publisher, with transient local first the messages that it keeps.
+
+        `restores`: these are needed again, although they were read before: the mirror is a new one.
 
         Raises BridgeError.
         """

@@ -44,7 +44,7 @@ def _next(script: Script, arrival: Arrival) -> list[Content]:
         case 1:
             return arrival.begin(script.number(signed=False)) if not arrival.is_begun else []
         case 2:
-            return arrival.skip() if arrival.misses else []
+            return arrival.skip(script.number(arrival.last, signed=False)) if arrival.misses else []
         case 3:
             found = records.read_part(script.take(script.byte()), script.take(script.byte() % 48))
         case _:

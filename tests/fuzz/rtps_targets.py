@@ -40,6 +40,8 @@ _BOUNDS: Final = Bounds(participants=1, endpoints=3, room_bytes=3000)
 _MOST_WRITTEN: Final = 1 << 20
 _MOST_SENT: Final = 20_000
 """Bytes in answer to one datagram."""
+_MOST_NUMBERS: Final = (1 << 63) - 512
+"""So that numbers up to 511 above them still fit into 64 bits."""
 _LONG_NS: Final = 1_000_000_000_000
 
 
@@ -229,12 +231,14 @@ def _said(script: Script, prefix: bytes, reader: bytes, writer: bytes) -> bytes:
             fragment = 1 + script.byte() % -(-len(whole) // 16)
             said = m.write_fragment(ours, theirs, 1 + count % 8, fragment, 16, whole)
         case 6:
-            first = 1 + script.number(0, signed=False) % (1 << 62)
+            first = 1 + script.number(0, signed=False) % _MOST_NUMBERS
             last = first - 1 + script.byte()
             said = m.write_heartbeat(ours, theirs, first, last, count, is_final=bool(script.byte() % 2))
         case 7:
-            first = 1 + script.number(0, signed=False) % (1 << 62)
-            said = m.write_gap(ours, theirs, first, first + script.byte(), ())
+            first = 1 + script.number(0, signed=False) % _MOST_NUMBERS
+            base = first + script.byte()
+            more = range(base, base + script.byte() % 3)
+            said = m.write_gap(ours, theirs, first, base, more)
         case 8:
             base = 1 + script.byte()
             missing = range(base, base + script.byte() % 9)

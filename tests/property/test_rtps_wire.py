@@ -60,6 +60,7 @@ def submessages(draw: st.DrawFn) -> tuple[m.Submessage, bytes]:
             made = m.HeartbeatFragment(reader, writer, number, fragment, count)
             return made, m.write_heartbeat_fragment(reader, writer, number, fragment, count)
         case 4:
+            number = min(number, m.MAX_NUMBER - m.MOST_IN_SET)
             missing = draw(_members(number))
             made = m.AckNack(reader, writer, number, missing, count, is_final)
             return made, m.write_acknack(reader, writer, number, missing, count, is_final=is_final)

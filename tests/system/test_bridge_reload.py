@@ -233,6 +233,37 @@ async def test_sighup_with_ros_2(ros2_world: World, tmp_path: Path, carrier: str
     assert "'gone' can never match" in mistake and str(file) in mistake
 
 
+@pytest.mark.parametrize("carrier", ["cyclonedds", "rtps"])
+@on_one_loop
+async def test_the_history_of_a_mirror_that_is_made_again(
+    ros2_world: World, tmp_path: Path, carrier: str
+) -> None:
+    pytest.importorskip("cyclonedds", reason="cyclonedds is not installed: make setup installs it")
+    ros2_world.carrier = carrier
+    file = tmp_path / "bridge.toml"
+    file.write_text("")
+    side, bridge = ros2_bridged.join(ros2_world, "--config", str(file))
+    latched = bus.QoSProfile(5, durability="transient_local")
+    async with side.node("ours") as ours:
+        heard: list[str] = []
+        late: list[str] = []
+        await ours.create_subscription(String, "/map", latched, lambda message: heard.append(message.data))
+        with await ros(ros2_world) as far:
+            kind = {"type_name": "std_msgs/msg/String", "durability": "transient_local", "depth": 5}
+            await ask(far, "publish", topic="/map", **kind)
+            for text in "ab":
+                await ask(far, "send", topic="/map", data=text)
+            await until(lambda: heard == ["a", "b"])
+            file.write_text('[[bridge.ros2.topics]]\npattern = "/map"\ndepth = 7\n')
+            bridge.process.send_signal(signal.SIGHUP)
+            await until(lambda: heard == ["a", "b"] * 2, lambda: f"{heard}\n{bridge.log.read_text()}")
+            await ours.create_subscription(String, "/map", latched, lambda message: late.append(message.data))
+            await until(lambda: late == ["a", "b"])
+            await ask(far, "send", topic="/map", data="c")
+            await until(lambda: late == ["a", "b", "c"])
+            assert heard == ["a", "b", "a", "b", "c"]
+
+
 def test_sighup_without_a_file(daemon: Daemon) -> None:
     pytest.importorskip("zenoh", reason="needs eclipse-zenoh")
     with cli.start(

@@ -261,6 +261,8 @@ class PairEngine:
         endpoint: FarEndpoint,
         schema: MessageSchema,
         on_batch: Callable[[Batch], None],
+        *,
+        restores: bool = False,
     ) -> _Reader:
         bus = endpoint.node.partition("/")[0]
         for other, link in self.links_to.items():

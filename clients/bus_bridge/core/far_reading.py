@@ -111,6 +111,7 @@ class FarReading:
         self._on_begin = on_begin
         self._retry = retry
         self._on_trouble = on_trouble
+        self._restores = False
         self._reader: Reader | None = None
         """Not None in the states READING and LINGERING."""
         self._lost_before: dict[str, int] = {}
@@ -126,9 +127,13 @@ class FarReading:
     def is_flowing(self) -> bool:
         return self._reader is not None
 
-    def resume(self, lost_before: dict[str, int]) -> None:
-        """Continue an earlier reading of the publisher, which lost these messages. Call this first."""
+    def resume(self, lost_before: dict[str, int], *, restores: bool) -> None:
+        """Continue an earlier reading of the publisher, which lost these messages. Call this first.
+
+        `restores`: messages that the publisher keeps are needed again.
+        """
         self._lost_before = lost_before
+        self._restores = restores
 
     def want(self, is_wanted: bool) -> None:
         """Update whether a subscription is matched."""
@@ -168,7 +173,10 @@ class FarReading:
     def _begin(self) -> None:
         self._on_begin()
         try:
-            self._reader = self._engine.read(self.endpoint, self._schema, self._on_batch)
+            self._reader = self._engine.read(
+                self.endpoint, self._schema, self._on_batch, restores=self._restores
+            )
+            self._restores = False
         except Exception as error:
             self._on(ReadingEvent.FAIL)
             self._on_trouble(in_words(error))

@@ -66,10 +66,11 @@ class Import:
     def resume(self, past: Past) -> None:
         """Continue after the end of an earlier route of the publisher. Call this before any other method."""
         self._publishing.account = past.account
-        self._reading.resume(past.lost_before)
-        self._newest_ns = past.newest_ns
         # A new mirror has no history for late joiners, so the history must come again.
-        self._continuity.resume(past.last, restores=self._qos.durability is Durability.TRANSIENT_LOCAL)
+        restores = self._qos.durability is Durability.TRANSIENT_LOCAL
+        self._reading.resume(past.lost_before, restores=restores)
+        self._newest_ns = past.newest_ns
+        self._continuity.resume(past.last, restores=restores)
         self._listeners.resume(past.listeners, past.last)
         if past.numbering != self._numbering:
             self._renumber()
@@ -193,7 +194,9 @@ class Import:
         missing = found.lost
         if found.missed and self._listeners.are_back:
             missing += found.missed
-        account.miss(missing, sum(self._reading.lost.values()))
+        lost = self._reading.lost
+        # A repeated message leaves no gap in the numbers.
+        account.miss(missing, sum(lost.values()) - lost.get(DropReason.REPEATED, 0))
         return found.batch
 
     def _without_expired(self, batch: Batch) -> Batch | None:

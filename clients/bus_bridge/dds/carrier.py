@@ -113,9 +113,16 @@ class Carrier(Protocol):
         """End a reader, without a loss for the readers that stay."""
 
     def read(
-        self, endpoint: FarEndpoint, handle: int, known: KnownType, on_batch: Callable[[Batch], None]
+        self,
+        endpoint: FarEndpoint,
+        handle: int,
+        known: KnownType,
+        on_batch: Callable[[Batch], None],
+        *,
+        restores: bool,
     ) -> Reader:
-        """Pass on the messages of a far publisher."""
+        """Pass on the messages of a far publisher. `restores`: also those that were passed on before, if they
+        come again."""
 
     def update(self) -> None:
         """Discovery has changed: update the routes in."""

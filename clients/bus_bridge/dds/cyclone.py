@@ -90,10 +90,16 @@ class CycloneCarrier:
         self.ways.retire(reader)
 
     def read(
-        self, endpoint: FarEndpoint, handle: int, known: KnownType, on_batch: Callable[[Batch], None]
+        self,
+        endpoint: FarEndpoint,
+        handle: int,
+        known: KnownType,
+        on_batch: Callable[[Batch], None],
+        *,
+        restores: bool,
     ) -> Reader:
         way = FarWay(self.ways, endpoint.gid, handle, topic_to_dds(endpoint.topic), known, on_batch)
-        self.ways.begin(way)
+        self.ways.begin(way, restores=restores)
         return way
 
     def update(self) -> None:

@@ -161,13 +161,20 @@ class DdsEngine:
         endpoint: FarEndpoint,
         schema: MessageSchema,
         on_batch: Callable[[Batch], None],
+        *,
+        restores: bool = False,
     ) -> Reader:
         if service_of_topic(endpoint.topic) is not None:
             return self._service_ways.read(endpoint, on_batch)
         handle = self._discovery.handles.get(endpoint.gid)
         if handle is None:
             raise BridgeError(f"the publisher of {endpoint.topic} has left DDS domain {self._options.domain}")
-        return self._joined().read(endpoint, handle, self._learn(schema), on_batch)
+        carrier, known = self._joined(), self._learn(schema)
+        if restores:  # DDS sends kept messages to each reader once
+            for subscription in self._subscriptions:
+                if subscription.endpoint.topic == endpoint.topic:
+                    subscription.renew()
+        return carrier.read(endpoint, handle, known, on_batch, restores=restores)
 
     def refuse(self, bus_id: str, reason: str, announcer: str = "") -> None:
         if announcer:
@@ -348,6 +355,13 @@ class _Subscription:
             self._readers[kind] = self._engine.make_reader(self.endpoint, self._known, kind)
         for kind in self._readers.keys() - wanted:
             self._engine.retire_reader(self.endpoint, self._readers.pop(kind))
+
+    def renew(self) -> None:
+        """Make the readers that get kept messages again. Raises BridgeError."""
+        for kind, former in list(self._readers.items()):
+            if kind.transient_local:
+                self._readers[kind] = self._engine.make_reader(self.endpoint, self._known, kind)
+                self._engine.retire_reader(self.endpoint, former)
 
     def close(self) -> None:
         while self._readers:

@@ -342,9 +342,9 @@ class Ways:
         self._lingering.add(intake)
         self._loop.call_later(_LINGER_S, self._finish, intake, heirs)
 
-    def begin(self, way: FarWay) -> None:
-        """Start the route of a far publisher."""
-        way.last_ns = self._last_ns.get(way.gid, 0)
+    def begin(self, way: FarWay, *, restores: bool) -> None:
+        """Start the route of a far publisher. `restores`: messages may come again."""
+        way.last_ns = 0 if restores else self._last_ns.get(way.gid, 0)
         self.by_handle[way.handle] = way
         self._by_topic.setdefault(way.topic, {})[way.handle] = way
         self._choose(way)

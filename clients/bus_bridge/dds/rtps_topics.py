@@ -4,7 +4,8 @@ Owns: the readers and writers of this bus in RTPS, and which reader carries the 
 serves if cyclonedds is not installed, as on machines for which it has no package.
 
 RTPS numbers every message. So each message of a far writer is passed on once, by the strongest of the readers
-that are matched with it. If another reader takes over, it continues after the last number.
+that are matched with it. If another reader takes over, it continues after the last number. A new one takes
+over once the writer knows it, and its messages follow directly on those of the present one.
 """
 
 import asyncio
@@ -128,9 +129,17 @@ class RtpsCarrier:
         self.choose(reader.topic)
 
     def read(
-        self, endpoint: FarEndpoint, handle: int, known: KnownType, on_batch: Callable[[Batch], None]
+        self,
+        endpoint: FarEndpoint,
+        handle: int,
+        known: KnownType,
+        on_batch: Callable[[Batch], None],
+        *,
+        restores: bool,
     ) -> Reader:
         gid = endpoint.gid
+        if restores:
+            self._last.pop(gid, None)
         route = _Route(self, gid, known, on_batch)
         route.last = self._last.get(gid, 0)
         self._routes[gid] = route
@@ -163,13 +172,21 @@ class RtpsCarrier:
     # --- for the parts in this file
 
     def choose(self, topic: str) -> None:
-        """Choose the reader that carries the messages of each far writer of a topic."""
-        best: dict[bytes, _Reader] = {}
+        """Choose the reader that carries the messages of each far writer of a topic.
+
+        The present one stays: the writer may not know a new one yet. See `_takes_over`.
+        """
+        matched: defaultdict[bytes, list[_Reader]] = defaultdict(list)
         for reader in sorted(self._readers.get(topic, ()), key=lambda one: qos.strength(one.policies)):
-            best |= dict.fromkeys(reader.local.matched, reader)
-        for gid in [gid for gid, one in self._carrying.items() if one.topic == topic and gid not in best]:
+            for gid in reader.local.matched:
+                matched[gid].append(reader)
+        for gid in [gid for gid, one in self._carrying.items() if one.topic == topic and gid not in matched]:
             del self._carrying[gid]
-        self._carrying |= best
+        for gid, readers in matched.items():
+            present, best = self._carrying.get(gid), readers[-1]
+            has_more = best.policies.transient_local and not self._passed_on(gid)
+            if present not in readers or (has_more and best.is_stronger_than(present)):
+                self._carrying[gid] = best
 
     def arrived(self, reader: "_Reader", one: Arrived) -> None:
         """Handle a message that one of our readers has received."""
@@ -180,7 +197,7 @@ class RtpsCarrier:
         if carrying is None:
             self.choose(reader.topic)
             carrying = self._carrying.get(gid)
-        if carrying is not reader:
+        if carrying is not reader and not self._takes_over(reader, one):
             return
         arrival = one.payload, one.number, one.time_ns or time.time_ns()
         route = self._routes.get(gid)
@@ -237,6 +254,22 @@ class RtpsCarrier:
         self._warn(text)
 
     # --- inside
+
+    def _passed_on(self, gid: bytes) -> int:
+        """The number of the last message of a writer that was passed on."""
+        route = self._routes.get(gid)
+        return self._last.get(gid, 0) if route is None else route.last
+
+    def _takes_over(self, reader: "_Reader", one: Arrived) -> bool:
+        """Whether a reader carries the messages of a writer from this one on: it is stronger than the present
+        one, and nothing is missing between them."""
+        present = self._carrying.get(one.writer)
+        if present is None or not reader.is_stronger_than(present) or not reader.is_known_to(one.writer):
+            return False
+        if one.number > self._passed_on(one.writer) + 1:
+            return False
+        self._carrying[one.writer] = reader
+        return True
 
     def _changed(self) -> None:
         """Report the change after the endpoints were matched, once for many."""
@@ -302,8 +335,8 @@ class _Writer(RouteOut):
         self.update()
 
     def _send(self, cdr: bytes, time_ns: int) -> bool:
-        kept = self._writer
-        if self._most and (kept.kept >= self._most or kept.kept_bytes >= _KEPT_BYTES // 2):
+        out = self._writer
+        if self._most and (out.waiting >= self._most or out.waiting_bytes >= _KEPT_BYTES // 2):
             return False  # a lossless publisher waits
         self._participant.write(self._local, cdr, time_ns=time_ns)
         return True
@@ -338,6 +371,14 @@ class _Reader:
     @property
     def gid(self) -> bytes:
         return self.local.guid
+
+    def is_stronger_than(self, other: "_Reader") -> bool:
+        return qos.strength(self.policies) > qos.strength(other.policies)
+
+    def is_known_to(self, gid: bytes) -> bool:
+        """Whether that writer sends to this reader, as far as can be known."""
+        reader = self.local.reader
+        return not self.policies.reliable or (reader is not None and reader.is_following(gid))
 
     def close(self) -> None:
         self.early.clear()

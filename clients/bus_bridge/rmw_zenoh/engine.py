@@ -194,7 +194,10 @@ class RmwZenohEngine:
         endpoint: FarEndpoint,
         schema: MessageSchema,
         on_batch: Callable[[Batch], None],
+        *,
+        restores: bool = False,
     ) -> Reader:
+        # Each reader asks for kept messages, whatever `restores` is.
         self._joined()
         if service_of_topic(endpoint.topic) is not None:
             return self._ways.read(endpoint, on_batch)

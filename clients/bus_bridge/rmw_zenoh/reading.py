@@ -16,6 +16,7 @@ from bus_bridge.rmw_zenoh import attachment
 from bus_bridge.rmw_zenoh.session import RosSession
 from bus_bridge.ros2.early import Early
 from bus_bridge.ros2.known_types import KnownType
+from bus_bridge.zenoh.records import MAX_NUMBER
 from bus_bridge.zenoh.session import Declared
 from bus_ros.cdr import CdrError
 
@@ -123,6 +124,11 @@ class Intake:
         if self._readers.get(reader.gid) is reader:
             del self._readers[reader.gid]
 
+    def warn_of_number(self) -> None:
+        self._intakes.warn(
+            f"messages on '{self._key:.300}' are dropped: no publisher has numbers like theirs"
+        )
+
     def forget(self, gid: bytes) -> None:
         """A publisher has gone."""
         self._early_since.pop(gid, None)
@@ -195,13 +201,18 @@ class RosReader:
     def receive(self, cdr: bytes, number: int, time_ns: int) -> bool:
         """Take a message; returns whether it is the first since the last `give`."""
         if 0 < number <= self._last:
-            return False  # the history came again, for another publisher's sake
-        self._last = max(self._last, number)
+            self.lose(DropReason.REPEATED)  # mostly a history that came again, for another publisher's sake
+            return False
+        if number > MAX_NUMBER:
+            self._intake.warn_of_number()
+            self.lose(DropReason.UNDECODABLE)
+            return False
         try:
             sample = Sample(self._decode(cdr), number, time_ns)
         except CdrError:
             self.lose(DropReason.UNDECODABLE)
             return False
+        self._last = max(self._last, number)
         self._samples.append(sample)
         return len(self._samples) == 1
 

@@ -54,6 +54,8 @@ class CallsFromRos:
         self._types = types
         self._publish = publish
         self._requests = OpenRequests() if requests is None else requests
+        self._results: dict[tuple[bytes, int], tuple[asyncio.TimerHandle, OpenRequest, bytes]] = {}
+        """Results that wait for the last feedback, with their timers, by client and number."""
         self.server = services.serve(service, types.type_name, self._request, user_data)
 
     @property
@@ -67,22 +69,32 @@ class CallsFromRos:
         Raises BridgeError if it is not an answer of this service.
         """
         answer = self._types.read_reply(payload)
-        request = self._requests.pop((answer.client, answer.number))
+        key = answer.client, answer.number
+        request = self._requests.pop(key)
         if request is None:
             return
         if answer.cdr is None:
             self._fail(request, answer.error or "its server does not know the call any more")
         elif self._result_pause_s:
             loop = asyncio.get_running_loop()
-            loop.call_later(self._result_pause_s, request.answer, answer.cdr)
+            timer = loop.call_later(self._result_pause_s, self._send_result, key)
+            self._results[key] = timer, request, answer.cdr
         else:
             request.answer(answer.cdr)
 
     def close(self) -> None:
-        """Withdraw the service from ROS 2. Calls that no other server of ours has get no answer."""
+        """Withdraw the service from ROS 2. Calls that no other server of ours has get no answer; results that
+        wait are sent now."""
+        for key in list(self._results):
+            self._send_result(key)
         for request in self._requests.pop_of(self.server):
             self._fail(request, "its server has gone")
         self.server.close()
+
+    def _send_result(self, key: tuple[bytes, int]) -> None:
+        timer, request, cdr = self._results.pop(key)
+        timer.cancel()
+        request.answer(cdr)
 
     def _request(self, request: RequestId, cdr: bytes) -> None:
         key = self._requests.add(request, self.server)

@@ -46,7 +46,8 @@ __all__ = [
 HEAD_BYTES: Final = 20
 MOST_IN_SET: Final = 256
 """Numbers in the set of an ACKNACK, GAP or NACK_FRAG."""
-MAX_NUMBER: Final = 2**63 - 1
+MAX_NUMBER: Final = 2**62
+"""The highest number of a sample. No writer reaches it, and the numbers after it still fit into 64 bits."""
 
 _MAGIC: Final = b"RTPS"
 _VERSION: Final = b"\x02\x03"
@@ -232,7 +233,7 @@ def read_number64(data: bytes, at: int, order: Order) -> int:
 
 def _positive(data: bytes, at: int, order: Order) -> int:
     number = read_number64(data, at, order)
-    if number <= 0:
+    if not 0 < number <= MAX_NUMBER:
         raise RtpsError(f"a sample with the number {number}")
     return number
 
@@ -244,6 +245,8 @@ def _members(data: bytes, at: int, order: Order, base: int) -> tuple[tuple[int, 
         raise RtpsError(f"a set of {bits} numbers; at most {MOST_IN_SET} are allowed")
     words = struct.unpack_from(f"{order}{(bits + 31) // 32}I", data, at + 4)
     members = [base + bit for bit in range(bits) if words[bit // 32] >> (31 - bit % 32) & 1]
+    if max([base, *members[-1:]]) > MAX_NUMBER:
+        raise RtpsError(f"a set of numbers from {base} on")
     return tuple(members), at + 4 + 4 * len(words)
 
 
@@ -286,7 +289,7 @@ def _read_fragments(body: bytes, flags: int, order: Order) -> DataFragments:
 
 def _read_heartbeat(body: bytes, flags: int, order: Order) -> Heartbeat:
     first, last = read_number64(body, 8, order), read_number64(body, 16, order)
-    if first <= 0 or last < first - 1:
+    if first <= 0 or not first - 1 <= last <= MAX_NUMBER:
         raise RtpsError(f"a heartbeat for the numbers {first} to {last}")
     count = struct.unpack_from(f"{order}I", body, 24)[0]
     return Heartbeat(body[:4], body[4:8], first, last, count, bool(flags & _FINAL))

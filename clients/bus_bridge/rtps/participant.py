@@ -269,7 +269,12 @@ class Participant:
     def _turn(self, now_ns: int) -> Iterator[None]:
         """At its end, plans follow the changes, and everything is sent."""
         self._now_ns = now_ns
-        yield
+        try:
+            yield
+        finally:  # after an error, too: an entity without a plan would never act again
+            self._end_turn()
+
+    def _end_turn(self) -> None:
         touched, self._touched = self._touched, {}
         for entity in touched:
             end = self._ends.get(entity)

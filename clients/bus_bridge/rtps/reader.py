@@ -368,10 +368,10 @@ class Reader:
                 far.requests += 1
                 reader, writer = self.entity, far.guid[PREFIX_BYTES:]
                 self._send(far.guid, [write_nack_fragments(reader, writer, number, fragments, far.requests)])
-        self._acknowledge(far, missing, now_ns, is_final=False)
         far.asked_ns = now_ns
         far.due_ns = now_ns + far.pause_ns
         far.pause_ns = min(2 * far.pause_ns, _LONGEST_PAUSE_NS)
+        self._acknowledge(far, missing, now_ns, is_final=False)
 
     def _acknowledge(self, far: _Far, missing: list[int], now_ns: int, *, is_final: bool = True) -> None:
         far.requests += 1

@@ -173,8 +173,10 @@ class RunningParticipant:
 
     def _act(self) -> None:
         self._timer = None
-        self.core.act(time.monotonic_ns())
-        self._plan()
+        try:
+            self.core.act(time.monotonic_ns())
+        finally:
+            self._plan()  # else an error would end all heartbeats, repairs and requests
 
     def _plan(self) -> None:
         """Set the timer to what is due next."""

@@ -118,6 +118,9 @@ class Writer:
         """The number of the last sample."""
         self.lost = 0
         """Samples that were dropped before all readers had acknowledged them."""
+        self.waiting = 0
+        """Samples that not all readers have acknowledged."""
+        self.waiting_bytes = 0
         self.repaired = 0
         """Samples and fragments that were sent once more."""
         self._send = send
@@ -292,7 +295,7 @@ class Writer:
         far.acknowledged = upto
         for change in self._kept.values():
             if change.stays and change.number > upto:
-                change.waits_for.add(far.guid)
+                self._wait_for(far, change)
         far.unacknowledged = deque(number for number, one in self._kept.items() if far.guid in one.waits_for)
         if far.unacknowledged:
             far.on(WriterEvent.WRITE)
@@ -351,9 +354,19 @@ class Writer:
     def _expect(self, far: _Far, change: Change) -> None:
         """A reliable reader has to acknowledge a sample."""
         if far.reliable:
-            change.waits_for.add(far.guid)
+            self._wait_for(far, change)
             far.unacknowledged.append(change.number)
             far.on(WriterEvent.WRITE)
+
+    def _wait_for(self, far: _Far, change: Change) -> None:
+        if not change.waits_for:
+            self.waiting += 1
+            self.waiting_bytes += len(change.payload or b"")
+        change.waits_for.add(far.guid)
+
+    def _waits_no_more(self, change: Change) -> None:
+        self.waiting -= 1
+        self.waiting_bytes -= len(change.payload or b"")
 
     def _transmit(self, far: _Far, change: Change) -> None:
         payload, reader = change.payload, far.guid[PREFIX_BYTES:]
@@ -413,6 +426,8 @@ class Writer:
     def _drop(self, change: Change, *, is_lost: bool = False) -> None:
         del self._kept[change.number]
         self._kept_bytes -= len(change.payload or b"")
+        if change.waits_for:
+            self._waits_no_more(change)
         for guid in change.waits_for:
             far = self._readers[guid]
             far.unacknowledged.remove(change.number)
@@ -425,7 +440,9 @@ class Writer:
     def _settle(self, number: int, guid: bytes) -> None:
         """That reader needs a sample no more."""
         change = self._kept.get(number)
-        if change is not None:
-            change.waits_for.discard(guid)
-            if not change.waits_for and not change.stays:
-                self._drop(change)
+        if change is not None and guid in change.waits_for:
+            change.waits_for.remove(guid)
+            if not change.waits_for:
+                self._waits_no_more(change)
+                if not change.stays:
+                    self._drop(change)

@@ -70,10 +70,16 @@ class Arrival:
             self._held_bytes += size
         return []
 
-    def skip(self) -> list[Content]:
-        """Skip missing parts that the far side no longer keeps; returns the parts to pass on."""
-        self.last = min(self._held, default=self._newest + 1) - 1
-        return self._flush()
+    def skip(self, upto: int) -> list[Content]:
+        """Skip missing parts that the far side no longer keeps; returns the parts to pass on.
+
+        `upto`: the newest part, as the far side has answered. A higher number came from another program.
+        """
+        first_held = min(self._held, default=self._newest + 1)
+        self.last = max(self.last, min(first_held - 1, upto))
+        gone = self._flush()
+        self._newest = max(self.last, upto)
+        return gone
 
     def _flush(self) -> list[Content]:
         gone = list[Content]()

@@ -132,7 +132,7 @@ class ZenohEngine:
     ) -> ZenohWriter:
         """As `Engine.announce_publisher`."""
         if (leaving := self._writers.get(endpoint.gid)) is not None:
-            if leaving.come_back(endpoint, on_change):
+            if leaving.come_back(endpoint, rule, on_change):
                 return leaving
             leaving.end()
         withdraw = self._announce(endpoint, schema)
@@ -199,8 +199,10 @@ class ZenohEngine:
         endpoint: FarEndpoint,
         schema: MessageSchema,
         on_batch: Callable[[Batch], None],
+        *,
+        restores: bool = False,
     ) -> ZenohReader:
-        """As `Engine.read`."""
+        """As `Engine.read`. Each reader asks for kept messages, whatever `restores` is."""
         assert self._presence is not None
         bus = self._presence.bus_of(endpoint.node)
         if bus is None:

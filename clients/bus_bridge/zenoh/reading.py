@@ -140,7 +140,7 @@ class ZenohReader:
         if not isinstance(found[1], Probe):
             self._unpack(self._arrival.arrive(*found, len(payload)))
         elif number == self._arrival.last + 1:
-            self._unpack(self._arrival.skip())
+            self._unpack(self._arrival.skip(found[0]))
         self._give()
 
     def _break(self) -> None:

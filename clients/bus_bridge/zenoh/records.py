@@ -48,8 +48,8 @@ WHOLE_BYTES = LONG_PACK_BYTES
 copies, and each put wakes every thread on its way."""
 MAX_MESSAGE_BYTES = 1 << 30
 MAX_NUMBER = (1 << 48) - 1
-"""The highest number of a message: a million a second for nine years. Higher numbers are forged, and would
-break counters."""
+"""The highest number of a message, and of a part: a million a second for nine years. Higher numbers are
+forged, and would break counters."""
 
 _HEAD = Struct("<cQ")
 _WHOLE = Struct("<cQQq")
@@ -132,6 +132,8 @@ def read_part(payload: bytes, head: bytes | None) -> tuple[int, Content] | None:
     if head is None or size < _HEAD.size or len(payload) > WHOLE_BYTES:
         return None
     number: int = _HEAD.unpack_from(head)[1]
+    if number > MAX_NUMBER:
+        return None
     if kind == _BATCH_KIND and size == _HEAD.size:
         found = Packed.read(payload, MAX_NUMBER)
         return None if found is None else (number, found)

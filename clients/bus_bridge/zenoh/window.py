@@ -207,6 +207,15 @@ class History:
         kept = self._samples
         kept += samples
         self._bytes += sum(len(one.payload) for one in samples)
+        self._trim()
+
+    def limit(self, depth: int) -> None:
+        """Keep at most so many messages from now on."""
+        self._depth = depth
+        self._trim()
+
+    def _trim(self) -> None:
+        kept = self._samples
         while len(kept) > self._depth or (self._bytes > HISTORY_BYTES and len(kept) > 1):
             self._bytes -= len(kept.popleft().payload)
 

@@ -4,7 +4,6 @@ import asyncio
 from collections import deque
 from collections.abc import Callable, Mapping
 from enum import Enum
-from functools import partial
 
 from bus.qos import Durability, Reliability
 from bus.qos import History as Kept
@@ -71,16 +70,17 @@ class ZenohWriter:
         on_close: Callable[[], None],
     ) -> None:
         qos = endpoint.qos
-        key = keys.data_key(endpoint.topic, endpoint.type_name, endpoint.type_hash, bus, endpoint.gid)
+        self._key = keys.data_key(endpoint.topic, endpoint.type_name, endpoint.type_hash, bus, endpoint.gid)
         self.state = WriterState.OPEN
         self._endpoint = endpoint
-        self._make_outlet = partial(session.outlet, key, rule.priority, self._begin)
+        self._rule = rule
+        self._session = session
         self._on_change = on_change
         self._on_close = on_close
         self._is_reliable = qos.reliability is Reliability.RELIABLE
         self._history: History | None = None
         if qos.durability is Durability.TRANSIENT_LOCAL:
-            self._history = History((rule.depth or _DEPTH) if qos.history is Kept.KEEP_ALL else qos.depth)
+            self._history = History(self._history_depth(rule))
         self._window = Window(lossless=qos.is_lossless)
         self._probing = Probing(self._window, self._probe, self._is_stuck)
         self._number = 0
@@ -150,11 +150,12 @@ class ZenohWriter:
             raise WriterError(f"{way} is {self.state.value!r}: {event.value!r} can't happen to it")
         self.state = state
 
-    def come_back(self, endpoint: LocalEndpoint, on_change: Callable[[], None]) -> bool:
+    def come_back(self, endpoint: LocalEndpoint, rule: RouteRule, on_change: Callable[[], None]) -> bool:
         """Continue for a publisher that is back before its last messages have arrived. Returns whether it is
         unchanged.
 
-        If so, importers go on: they would not notice a token that goes and comes back at once.
+        If so, importers go on: they would not notice a token that goes and comes back at once. The same is
+        true if a reload has brought another `rule`.
         """
         if endpoint != self._endpoint:
             return False
@@ -163,6 +164,7 @@ class ZenohWriter:
         if self._patience is not None:
             self._patience.cancel()
         self._on_change = on_change
+        self._follow(rule)
         self._lost = {}
         return True
 
@@ -190,7 +192,7 @@ class ZenohWriter:
             self._rest.clear()
             self._number = self._window.last
         elif self._outlet is None and self.state is not WriterState.CLOSED:
-            self._outlet = self._make_outlet()
+            self._make_outlet()
         self._behind &= {one.run for one in interests}
         self._go_on()
         if self.state is WriterState.LEAVING:
@@ -231,6 +233,21 @@ class ZenohWriter:
         self._probing.scan()
 
     # --- internal
+
+    def _make_outlet(self) -> None:
+        self._outlet = self._session.outlet(self._key, self._rule.priority, self._begin)
+
+    def _history_depth(self, rule: RouteRule) -> int:
+        qos = self._endpoint.qos
+        return (rule.depth or _DEPTH) if qos.history is Kept.KEEP_ALL else qos.depth
+
+    def _follow(self, rule: RouteRule) -> None:
+        before, self._rule = self._rule, rule
+        if self._history is not None:
+            self._history.limit(self._history_depth(rule))
+        if self._outlet is not None and rule.priority != before.priority:
+            self._outlet.undeclare()
+            self._make_outlet()
 
     def _fitting(self, batch: Batch) -> int:
         """The number of these messages that may be written now."""

@@ -78,7 +78,9 @@ async def test_a_message_that_goes_out_and_comes_in() -> None:
     assert export.account.sent == len(session.puts) == 2
 
     class Engine:
-        def read(self, endpoint: FarEndpoint, schema: object, on_batch: Any) -> ZenohReader:
+        def read(
+            self, endpoint: FarEndpoint, schema: object, on_batch: Any, *, restores: bool
+        ) -> ZenohReader:
             own, room = Interest("far", "run"), records.Room(1 << 20)
             return ZenohReader(session, own, "here", endpoint, room, on_batch, print, lambda: None)
 

@@ -23,6 +23,7 @@ class Engine:
 
     def __init__(self) -> None:
         self.fails = False
+        self.restores: list[bool] = []
         self.begins = self.reads = self.closes = self.retries = 0
         self.lost: dict[str, int] = {}
 
@@ -32,7 +33,8 @@ class Engine:
     def retry(self) -> None:
         self.retries += 1
 
-    def read(self, *_: object) -> "Engine":
+    def read(self, *_: object, restores: bool) -> "Engine":
+        self.restores.append(restores)
         if self.fails:
             raise BridgeError("the publisher is not known yet")
         self.reads += 1
@@ -133,9 +135,21 @@ async def test_a_failure_is_said_and_tried_again(monkeypatch: pytest.MonkeyPatch
     assert scene.engine.retries == 1
 
 
+async def test_kept_messages_are_needed_again_once() -> None:
+    scene = Scene()
+    scene.reading.resume({}, restores=True)
+    scene.engine.fails = True
+    scene.reading.want(True)
+    scene.engine.fails = False
+    for _ in range(2):
+        scene.reading.stop()
+        scene.reading.want(True)
+    assert scene.engine.restores == [True, True, False]
+
+
 async def test_what_all_readers_have_lost_is_added_up() -> None:
     scene = Scene()
-    scene.reading.resume({"undecodable": 1})
+    scene.reading.resume({"undecodable": 1}, restores=False)
     assert scene.reading.lost == {"undecodable": 1}
     scene.reading.want(True)
     scene.engine.lost = {"undecodable": 2, "link_full": 1}

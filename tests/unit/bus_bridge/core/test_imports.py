@@ -2,7 +2,6 @@
 
 import asyncio
 import time
-from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -68,7 +67,7 @@ class Engine:
         self.reads = 0
         self.closes = 0
 
-    def read(self, endpoint: FarEndpoint, schema: MessageSchema, on_samples: Callable[..., None]) -> "Engine":
+    def read(self, *_: object, restores: bool) -> "Engine":
         if self.error is not None:
             raise self.error
         self.reads += 1
@@ -183,6 +182,9 @@ async def test_numbers_of_messages_lost_in_the_engine_are_not_lost_on_the_way_to
     assert way.way.losses == {"undecodable": 1, "memory_limit": 1}
     way.receive(6)
     assert way.way.losses == {"undecodable": 1, "memory_limit": 1, "lost_on_the_way": 1}
+    way.engine.lost = {"undecodable": 1, "memory_limit": 1, "repeated": 3}  # these leave no gap
+    way.receive(8)
+    assert way.way.losses["lost_on_the_way"] == 2
     assert way.closes
 
 

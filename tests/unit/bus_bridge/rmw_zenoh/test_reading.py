@@ -173,13 +173,29 @@ async def test_a_publisher_with_a_history_is_asked_for_it(world: World) -> None:
 
 async def test_false_messages_are_counted_or_named(world: World) -> None:
     reader = world.read()
-    world.session.come(ONE, 1, None)
+    world.session.come(ONE, 5, None)
     world.session.come(ONE, 1, "a", head=b"")
     assert reader.lost == {"undecodable": 1}
     assert world.batches == []
     assert world.warnings == [
         f"messages on '{KEY}' are dropped: they have no attachment of ROS 2's rmw_zenoh"
     ]
+
+
+async def test_a_false_number_silences_no_publisher(world: World) -> None:
+    intake = world.intakes.hold(KEY, KNOWN)
+    world.session.come(ONE, 2**48, "early")
+    reader = world.read()
+    intake.release()
+    await asyncio.sleep(0)
+    for number in (2**63 - 1, 2**48):
+        world.session.come(ONE, number, "false")
+    world.session.come(ONE, 3, None)
+    for number, text in ((1, "a"), (2, "b"), (2, "again"), (2**48 - 1, "c")):
+        world.session.come(ONE, number, text)
+    assert [found[0][:2] for _, found in world.batches] == [("a", 1), ("b", 2), ("c", 2**48 - 1)]
+    assert reader.lost == {"undecodable": 4, "repeated": 1}
+    assert {*world.warnings} == {f"messages on '{KEY}' are dropped: no publisher has numbers like theirs"}
 
 
 async def test_what_the_queue_of_zenoh_s_thread_drops_is_counted(world: World) -> None:

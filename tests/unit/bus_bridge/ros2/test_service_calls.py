@@ -195,9 +195,12 @@ async def test_a_result_waits_for_the_last_feedback(world: World, monkeypatch: p
     calls = CallsToRos(world.there, service, ADD, world.on_reply)
     calls.request(SUPPORT.encode_request(CLIENT, 1, AddTwoInts.Request()))
     await until(lambda: asked)
-    served.reply(SUPPORT.encode_response(asked[0].client, 1, AddTwoInts.Response()))
+    served.reply(SUPPORT.encode_response(asked[0].client, 1, AddTwoInts.Response(sum=3)))
     assert (served.waiting, server_of(served).waiting, world.replies) == (0, 1, [])
-    served.close()
+    monkeypatch.setattr(calls, "_result_pause_s", 0.0)
+    served.close()  # its node ends: the result goes at once
+    assert (await world.replied()).body.sum == 3
+    assert (served.failed, server_of(served).waiting) == (0, 0)
     calls.close()
 
 

@@ -87,7 +87,7 @@ def test_heartbeats() -> None:
     assert read(m.write_heartbeat_fragment(R, W, 3, 9, 5)) == m.HeartbeatFragment(R, W, 3, 9, 5)
 
 
-@for_each("first, last", [(0, 4), (5, 3), (-1, -2), (-(2**63), 0)])
+@for_each("first, last", [(0, 4), (5, 3), (-1, -2), (-(2**63), 0), (1, 2**62 + 1), (2**63 - 1, 2**63 - 1)])
 def test_heartbeats_that_can_t_be(first: int, last: int) -> None:
     assert "a heartbeat for" in fault(m.write_heartbeat(R, W, first, last, 5, is_final=True))
 
@@ -115,8 +115,14 @@ def test_a_set_that_is_too_large() -> None:
     assert "a set of" in fault(little(0x06, 0, body))
 
 
-@for_each("number", [0, -1, -(2**63)])
-def test_numbers_of_samples_begin_at_1(number: int) -> None:
+@for_each("base, more", [(2**62 + 1, ()), (2**62, (2**62 + 1,)), (2**63 - 1, (2**63 - 1,))])
+def test_sets_of_numbers_that_can_t_be(base: int, more: tuple[int, ...]) -> None:
+    assert "number" in fault(m.write_gap(R, W, 1, base, more))
+    assert fault(m.write_acknack(R, W, base, more, 1, is_final=True)) == f"a set of numbers from {base} on"
+
+
+@for_each("number", [0, -1, -(2**63), 2**62 + 1, 2**63 - 1])
+def test_numbers_of_samples_have_limits(number: int) -> None:
     wanted = f"a sample with the number {number}"
     assert fault(m.write_data(R, W, number, b"")) == wanted
     assert fault(m.write_gap(R, W, number, 5)) == wanted

@@ -24,6 +24,7 @@ from bus_bridge.rtps.local import Local
 from bus_bridge.rtps.parameters import write_parameters
 from bus_bridge.rtps.policies import RELIABLE
 from bus_bridge.rtps.reader import Arrived
+from rows import for_each
 from rtps_world import Machine, Network, S
 
 TOPIC, TYPE = "rq/sRequest", "T"
@@ -321,6 +322,48 @@ def test_samples_of_writers_that_were_not_announced_are_ignored() -> None:
     hostile.say(m.write_heartbeat(entity, writer_id(1), 1, 0, 1, is_final=True))
     hostile.say(m.write_data(entity, writer_id(1), 1, b"x"))
     assert [one.payload for one in got] == [b"x"]
+
+
+NUMBERS_AT_THE_LIMIT = [
+    [m.write_gap(UNKNOWN_ENTITY, writer_id(1), 1, 2**63 - 1, (2**63 - 1,))],
+    [
+        m.write_heartbeat(UNKNOWN_ENTITY, writer_id(1), 2**63 - 1, 2**63 - 1, 2, is_final=True),
+        m.write_data(UNKNOWN_ENTITY, writer_id(1), 2**63 - 1, b"x"),
+    ],
+]
+
+
+@for_each("said", NUMBERS_AT_THE_LIMIT)
+def test_numbers_at_the_limit_of_64_bits_end_nothing(said: list[bytes]) -> None:
+    hostile = Hostile()
+    hostile.join()
+    hostile.machine.participant.add_reader(TOPIC, TYPE, lambda one: None, hostile.network.now_ns)
+    hostile.announce(endpoint(1))
+    hostile.say(m.write_heartbeat(UNKNOWN_ENTITY, writer_id(1), 1, 3, 1, is_final=True))
+    for one in said:
+        hostile.say(one)
+    assert hostile.machine.participant.faulty == len(said)
+    before = hostile.network.sent
+    hostile.network.run(5)
+    assert hostile.network.sent - before > 5  # it still asks, and announces itself
+
+
+def test_an_error_ends_no_plan() -> None:
+    pair = Pair()
+    pair.network.run(1)
+
+    def fail(arrived: Arrived) -> None:
+        raise ValueError("failed")
+
+    reader = pair.two.participant.add_reader(TOPIC, TYPE, fail, pair.network.now_ns)
+    pair.network.run(1)
+    pair.write(b"x", reader.guid)
+    with pytest.raises(ValueError, match="failed"):
+        pair.network.run(1)
+    pair.two.participant.remove(reader, pair.network.now_ns)
+    pair.write(b"y")
+    pair.network.run(3)
+    assert pair.got == [b"y"]
 
 
 def test_memory_for_samples_has_a_limit_for_each_participant() -> None:

@@ -2,6 +2,8 @@
 
 import asyncio
 
+import pytest
+
 from bus_bridge.rtps.announcements import EndpointData, ParticipantData
 from bus_bridge.rtps.reach import Reach
 from bus_bridge.rtps.reader import Arrived
@@ -91,3 +93,26 @@ async def test_one_with_discovery_off_finds_nothing_and_is_not_found() -> None:
     finally:
         for each in (off, one, two):
             each.close()
+
+
+async def test_an_error_does_not_end_the_timer(monkeypatch: pytest.MonkeyPatch) -> None:
+    loop = asyncio.get_running_loop()
+    errors: list[BaseException | None] = []
+    loop.set_exception_handler(lambda loop, context: errors.append(context.get("exception")))
+    one = RunningParticipant(DOMAIN, News(), lambda one: True)
+    act, acted = one.core.act, asyncio.Event()
+
+    def fail(now_ns: int) -> None:
+        monkeypatch.setattr(one.core, "act", succeed)
+        raise ValueError("once")
+
+    def succeed(now_ns: int) -> None:
+        act(now_ns)
+        acted.set()
+
+    monkeypatch.setattr(one.core, "act", fail)
+    try:
+        await asyncio.wait_for(acted.wait(), WAIT_S)
+        assert [str(error) for error in errors] == ["once"]
+    finally:
+        one.close()

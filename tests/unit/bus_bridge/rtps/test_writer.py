@@ -157,7 +157,7 @@ def test_a_late_joiner_that_begins_anew_gets_all_again() -> None:
     world.wait(600)
     world.acknowledge(1, is_final=False, serial=2)
     assert world.taken() == ["heartbeat 1-3"]
-    assert world.writer.acknowledged(ONE) == 0
+    assert (world.writer.acknowledged(ONE), world.writer.waiting) == (0, 3)
     world.acknowledge(1, 1, 2, 3, serial=3)
     assert world.taken()[:3] == ["data 1", "data 2", "data 3"]
     world.acknowledge(4, serial=4)
@@ -267,6 +267,39 @@ def test_the_limit_of_bytes() -> None:
     assert (world.writer.kept, world.writer.kept_bytes, world.writer.lost) == (1, 20, 1)
     world.write(bytes(60))
     assert (world.writer.kept, world.writer.kept_bytes, world.writer.lost) == (0, 0, 3)
+
+
+def test_acknowledged_samples_for_late_joiners_give_way_and_do_not_wait() -> None:
+    world = World(Keeping(changes=3, for_late_joiners=True))
+    world.add()
+    world.acknowledge(1)
+    for number in range(1, 6):
+        world.write(bytes(10))
+        assert (world.writer.waiting, world.writer.waiting_bytes) == (1, 10)
+        world.acknowledge(number + 1)
+        assert (world.writer.waiting, world.writer.waiting_bytes) == (0, 0)
+    assert (world.writer.kept, world.writer.lost) == (3, 0)
+    world.add(TWO)  # it gets the kept ones
+    assert (world.writer.waiting, world.writer.waiting_bytes) == (3, 30)
+    world.acknowledge(5, guid=TWO)
+    assert world.writer.waiting == 1
+    world.write(bytes(10))
+    world.acknowledge(7)
+    assert world.writer.waiting == 2
+    world.writer.remove_reader(TWO)
+    assert (world.writer.waiting, world.writer.waiting_bytes, world.writer.lost) == (0, 0, 0)
+
+
+def test_samples_that_are_dropped_do_not_wait() -> None:
+    world = World(Keeping(changes=2))
+    world.add()
+    for _ in range(4):
+        world.write(bytes(10))
+    assert (world.writer.waiting, world.writer.waiting_bytes, world.writer.lost) == (2, 20, 2)
+    world.writer.withdraw(4)
+    assert (world.writer.waiting, world.writer.waiting_bytes) == (1, 10)
+    world.acknowledge(5)
+    assert (world.writer.waiting, world.writer.waiting_bytes) == (0, 0)
 
 
 def test_a_reader_that_goes_holds_nothing() -> None:

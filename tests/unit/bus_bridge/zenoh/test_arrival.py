@@ -74,10 +74,27 @@ def test_what_is_not_kept_any_more_is_not_waited_for() -> None:
     arrival = Arrival(Room(1 << 30))
     arrival.begin(0)
     assert arrive(arrival, 5) == [] and arrive(arrival, 6) == []
-    assert numbers(arrival.skip()) == [5, 6] and not arrival.misses
+    assert numbers(arrival.skip(6)) == [5, 6] and not arrival.misses
     arrival.arrive(9, Probe(), 0)
-    assert arrival.skip() == [] and not arrival.misses
+    assert arrival.skip(9) == [] and not arrival.misses
     assert arrive(arrival, 10) == [10]
+    assert arrive(arrival, 14) == []
+    assert arrival.skip(12) == [] and arrival.last == 12
+    assert arrive(arrival, 13) == [13, 14]
+
+
+def test_a_forged_number_skips_no_part() -> None:
+    arrival = Arrival(Room(1 << 30))
+    arrival.begin(0)
+    assert arrive(arrival, 1) == [1]
+    arrival.arrive(1 << 40, Probe(), 0)
+    assert arrival.misses  # the far side is asked, and has no part after the first
+    assert arrival.skip(1) == [] and not arrival.misses
+    assert (arrival.last, arrive(arrival, 2)) == (1, [2])
+    assert arrive(arrival, 1 << 40) == [] and arrival.misses
+    assert arrival.skip(2) == [] and not arrival.misses
+    assert arrive(arrival, 3) == [3]
+    assert arrival.skip(1) == [] and arrival.last == 3  # an answer from before
 
 
 def test_what_is_held_is_bounded() -> None:

@@ -13,6 +13,7 @@ from bus.schema import MessageSchema
 from bus.vocabulary import DropReason
 from bus_bridge.batch import Loose, Sample
 from bus_bridge.engine import LocalEndpoint, LocalNode, RouteRule
+from bus_bridge.packed import Packed
 from bus_bridge.zenoh import probing, writing
 from bus_bridge.zenoh.presence import Interest
 from bus_bridge.zenoh.records import Part, Probe, read_part
@@ -48,8 +49,10 @@ class Session:
     def __init__(self) -> None:
         self.puts: list[Part] = []
         self.outlets: list[Outlet] = []
+        self.priorities: list[str] = []
 
     def outlet(self, key: str, priority: str, on_ready: Callable[[], None]) -> Outlet:
+        self.priorities.append(priority)
         self.outlets.append(Outlet(self.puts))
         return self.outlets[-1]
 
@@ -90,7 +93,7 @@ class Scene:
                     self.write(b"x")
                 self.writer.close()
             case Event.RETURN:
-                assert self.writer.come_back(self.endpoint, self._change)
+                assert self.writer.come_back(self.endpoint, RouteRule(), self._change)
             case Event.END:
                 self.writer.end()
 
@@ -189,7 +192,7 @@ async def test_a_publisher_that_returns_goes_on_and_begins_its_losses_anew(
     assert lost == {DropReason.LINK_FULL: 1}
     written = scene.parts[-1]
     scene.writer.close()
-    assert scene.writer.come_back(scene.endpoint, scene._change)
+    assert scene.writer.come_back(scene.endpoint, RouteRule(), scene._change)
     assert scene.writer.lost == {} and lost == {DropReason.LINK_FULL: 1}  # the caller has counted these
     await asyncio.sleep(0.03)
     assert scene.closes == 0
@@ -198,9 +201,41 @@ async def test_a_publisher_that_returns_goes_on_and_begins_its_losses_anew(
     assert scene.parts[-1] == written + 1
 
 
+async def test_a_publisher_that_returns_gets_the_priority_of_a_new_rule() -> None:
+    scene = Scene(state=State.LEAVING)
+    assert scene.writer.come_back(scene.endpoint, RouteRule(priority="real_time", depth=3), scene._change)
+    assert scene.session.priorities == ["data", "real_time"]
+    assert [one.is_gone for one in scene.session.outlets] == [True, False]
+    scene.write(b"more")
+    assert scene.parts == [1, 2]  # importers go on
+    scene.writer.close()
+    assert scene.writer.come_back(scene.endpoint, RouteRule(priority="real_time"), scene._change)
+    assert len(scene.session.outlets) == 2
+    scene.writer.end()
+
+
+async def test_a_publisher_that_returns_gets_the_depth_of_a_new_rule() -> None:
+    scene = Scene(QoSProfile(history="keep_all", durability="transient_local"))
+    scene.write(*[b"x"] * 5)
+
+    def kept() -> int:
+        assert scene.writer._history is not None
+        part = scene.writer._history.find(0, 0)
+        found = None if part is None else read_part(part.payload, part.head)
+        assert found is not None and isinstance(found[1], Packed)
+        return found[1].count
+
+    assert kept() == 5
+    for depth, count in ((3, 3), (None, 3)):
+        scene.writer.close()
+        assert scene.writer.come_back(scene.endpoint, RouteRule(depth=depth), scene._change)
+        assert kept() == count
+    scene.writer.end()
+
+
 async def test_another_publisher_of_the_same_gid_is_no_return() -> None:
     scene, other = Scene(state=State.LEAVING), Scene(BEST_EFFORT)
-    assert not scene.writer.come_back(other.endpoint, scene._change)
+    assert not scene.writer.come_back(other.endpoint, RouteRule(), scene._change)
     assert scene.writer.state is State.LEAVING
     scene.writer.end()
 
