@@ -1,6 +1,6 @@
 """The interface of a node that its parameters need."""
 
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Coroutine
 from typing import TYPE_CHECKING, Any, Protocol
 
 from bus.endpoint.core import NodeContext
@@ -8,11 +8,16 @@ from bus.logger import Logger
 from bus.publisher import Publisher
 from bus.qos import QoS
 
-if TYPE_CHECKING:  # few programs need them
-    from bus.service.server import ServiceServer
+if TYPE_CHECKING:  # few programs need it
     from bus.subscription import Subscription
 
 __all__ = ["ParameterOwner"]
+
+
+class Service(Protocol):
+    """The server of a service."""
+
+    def close(self) -> Coroutine[Any, Any, None]: ...
 
 
 class ParameterOwner(Protocol):
@@ -25,7 +30,7 @@ class ParameterOwner(Protocol):
 
     def create_service(
         self, service_type: type[Any], name: str, callback: Callable[..., Any]
-    ) -> "Awaitable[ServiceServer]": ...
+    ) -> Awaitable[Service]: ...
 
     def create_subscription(
         self, message_type: type[Any], topic: str, qos: QoS, callback: Callable[[Any], object]

@@ -8,8 +8,6 @@ import ast
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import FrameType
-from typing import Any
 
 import pytest
 
@@ -23,6 +21,7 @@ from busd.core.access import ACTIONS, Access, AccessRule
 from busd.core.limits import Limits
 from busd.core.turns import BUDGET
 from effort import is_nightly
+from line_counter import LineCounter
 
 LINES_PER_UNIT = 40
 """Maximum of lines for one unit that is charged."""
@@ -32,31 +31,10 @@ KEEP_ALL = QoSProfile(history="keep_all")
 DEEP = QoSProfile(depth=100_000)
 KEPT = QoSProfile(depth=100_000, durability="transient_local")
 ALICE = 1001
-_QUEUES = "bus.wire.runs"
 
 
 def many() -> int:
     return 100_000 if is_nightly() else 4_000
-
-
-class LineCounter:
-    """Counts the executed lines of the core, and of the queues that it calls."""
-
-    def __init__(self) -> None:
-        self.lines = 0
-
-    def enter(self, frame: FrameType, event: str, argument: Any) -> Any:
-        module = frame.f_globals.get("__name__", "")
-        caller = frame.f_back
-        is_called_by_core = caller is not None and caller.f_trace is not None
-        if not (module.startswith("busd.core.") or (module == _QUEUES and is_called_by_core)):
-            return None
-        self.lines += 1
-        return self.step
-
-    def step(self, frame: FrameType, event: str, argument: Any) -> Any:
-        self.lines += event == "line"
-        return self.step
 
 
 class Big(World):
