@@ -1,4 +1,5 @@
-"""The C client and a hostile busd: no message, run or memory makes it crash, hang or leak."""
+"""The C client and a hostile busd: no message, run or memory makes it crash, hang or leak. And hostile publishers:
+they harm only their own topic."""
 
 import asyncio
 import signal
@@ -6,9 +7,15 @@ from pathlib import Path
 
 import pytest
 
+import bus
 import c_programs
 from c_hostile import HostileBusd
+from feeding import frame_record
 from programs import on_one_loop
+from raw_peer import RawPeer, data
+from semantics import node
+
+__all__ = ["node"]
 
 CONNECTIONS = 40
 FRAMES = 60
@@ -37,3 +44,23 @@ async def test_nonsense_does_no_harm(programs: Path, tmp_path: Path, socket_path
         busd.close()
     assert busd.faults > 0
     assert sum(line.startswith("event 1: ") for line in peer.program.lines) >= CONNECTIONS - 1
+
+
+@pytest.mark.parametrize("stamp_ns", [-(2**62), -(2**63)])
+async def test_a_false_stamp_does_not_cut_its_listener_off(
+    node: bus.Node, other: RawPeer, programs: Path, tmp_path: Path, stamp_ns: int
+) -> None:
+    """busd accepts no age above 2^62 - 1 ns in a report."""
+    publisher = other.publisher(other.node(), "/t").id
+    async with c_programs.peer(programs, tmp_path, "listen", "/t", "keep_all") as listener:
+        records = frame_record(b"\x91\xa21 ", stamp_ns) * 64
+        other.write(data(publisher, records, count=64))
+        reported = 0
+        while reported < 64:
+            (one,) = (await node.graph(statistics=True)).subscriptions_of("/t")
+            assert one.statistics is not None
+            reported = one.statistics.samples
+            assert not [line for line in listener.events() if line.startswith("event 1: ")]
+            await asyncio.sleep(0.02)
+        await listener.finish()
+    assert listener.numbers == [1] * 64
