@@ -1,5 +1,7 @@
-"""The C client and a hostile busd: no message, run or memory makes it crash, hang or leak. And hostile publishers:
-they harm only their own topic."""
+"""The C client and a hostile busd: no message, run or memory makes it crash, hang or leak.
+
+A hostile publisher harms only its own topic.
+"""
 
 import asyncio
 import signal
@@ -9,10 +11,14 @@ import pytest
 
 import bus
 import c_programs
+from bus import shm
+from bus.msg.std_msgs import String
+from bus.wire import messages as m
 from c_hostile import HostileBusd
 from feeding import frame_record
 from programs import on_one_loop
 from raw_peer import RawPeer, data
+from raw_sharing import RawRing, create_publisher, ring, share
 from semantics import node
 
 __all__ = ["node"]
@@ -46,6 +52,19 @@ async def test_nonsense_does_no_harm(programs: Path, tmp_path: Path, socket_path
     assert sum(line.startswith("event 1: ") for line in peer.program.lines) >= CONNECTIONS - 1
 
 
+async def until_reported(node: bus.Node, listener: c_programs.Peer, count: int) -> dict[str, int]:
+    """Wait until busd knows that the listener has taken so many messages. Returns its losses.
+
+    It stays connected.
+    """
+    while True:
+        (one,) = (await node.graph(statistics=True)).subscriptions_of("/t")
+        assert not [line for line in listener.events() if line.startswith("event 1: ")]
+        if one.statistics is not None and one.statistics.samples == count:
+            return dict(one.statistics.dropped)
+        await asyncio.sleep(0.02)
+
+
 @pytest.mark.parametrize("stamp_ns", [-(2**62), -(2**63)])
 async def test_a_false_stamp_does_not_cut_its_listener_off(
     node: bus.Node, other: RawPeer, programs: Path, tmp_path: Path, stamp_ns: int
@@ -55,12 +74,35 @@ async def test_a_false_stamp_does_not_cut_its_listener_off(
     async with c_programs.peer(programs, tmp_path, "listen", "/t", "keep_all") as listener:
         records = frame_record(b"\x91\xa21 ", stamp_ns) * 64
         other.write(data(publisher, records, count=64))
-        reported = 0
-        while reported < 64:
-            (one,) = (await node.graph(statistics=True)).subscriptions_of("/t")
-            assert one.statistics is not None
-            reported = one.statistics.samples
-            assert not [line for line in listener.events() if line.startswith("event 1: ")]
-            await asyncio.sleep(0.02)
+        await until_reported(node, listener, 64)
         await listener.finish()
     assert listener.numbers == [1] * 64
+
+
+@pytest.mark.skipif(not shm.is_available(), reason=shm.why_not())
+async def test_false_numbers_in_a_ring_do_not_cut_its_listener_off(
+    node: bus.Node, other: RawPeer, programs: Path, tmp_path: Path
+) -> None:
+    """The ring is left, its numbers count for nothing, and another publisher of the topic is heard."""
+    words = ("listen", "/t", "depth=100")
+    async with c_programs.peer(programs, tmp_path, *words) as listener:
+        share(other)
+        hostile = RawRing()
+        create_publisher(other, other.node(), hostile.segment)
+        other.expect(m.Attached)
+        readers, doorbell = other.descriptors
+        readers.close()
+        hostile.publish(1, b"\x91\xa21 ")
+        ring(doorbell)
+        await listener.line("^1 2 shm")
+        hostile.set(hostile.LATEST, 2**63)
+        hostile.set(hostile.OLDEST, 2**63)
+        ring(doorbell)
+        doorbell.close()
+        await listener.line("^event 6: /t by socket: the ring is corrupt")
+        publisher = await node.create_publisher(String, "/t", 10)
+        await publisher.wait_for_subscriptions()
+        publisher.publish(String(data="2 "))
+        await listener.line("^2 ")
+        assert await until_reported(node, listener, 2) == {}
+        await listener.finish()

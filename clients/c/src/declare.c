@@ -184,16 +184,24 @@ static uint64_t source_position(const struct source *source)
     return source->seat != NULL ? source->feed.ring.next - 1 : source->last_seq;
 }
 
+/* Positions of sources that have not left, or that have. At most `left` of them; returns how many more would fit. */
+static size_t put_positions(busd_out *out, const busd_subscription *sub, bool are_gone, size_t left)
+{
+    for (const struct source *source = sub->sources; source != NULL && left > 0; source = source->next) {
+        if (source_position(source) == 0 || source->is_gone != are_gone)
+            continue;
+        busd_put_bytes(out, source->gid, sizeof source->gid);
+        busd_put_uint(out, source_position(source));
+        left--;
+    }
+    return left;
+}
+
 static void field_last_seqs(busd_out *out, const busd_subscription *sub, size_t known)
 {
     busd_put_text(out, "last_seqs", strlen("last_seqs"));
     busd_put_map(out, known);
-    for (const struct source *source = sub->sources; source != NULL; source = source->next) {
-        if (source_position(source) == 0)
-            continue;
-        busd_put_bytes(out, source->gid, sizeof source->gid);
-        busd_put_uint(out, source_position(source));
-    }
+    put_positions(out, sub, true, put_positions(out, sub, false, known));
 }
 
 /* Asks busd for a publisher or subscription of a declared node. */
@@ -205,7 +213,7 @@ int declare_endpoint(struct endpoint *end)
     size_t known = 0;
     busd_out out;
     for (const struct source *source = s != NULL ? s->sources : NULL; source != NULL; source = source->next)
-        known += source_position(source) != 0;
+        known += source_position(source) != 0 && known < MOST_LAST_SEQS;
     declare_type(end);
     const bool has_ring = p != NULL && p->fd >= 0;
     const bool takes_history = s != NULL && end->qos.durability == BUSD_BEST_AVAILABLE; /* beside the durability volatile */

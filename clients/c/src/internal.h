@@ -63,6 +63,7 @@
 #define RECORD_BYTES 12u
 #define COPY_BYTES 4096u                 /* shorter payloads are copied out of a ring, longer ones pinned */
 #define INBOX_BYTES (256u << 20)         /* most bytes of samples by socket that wait for a subscription */
+#define MOST_LAST_SEQS 1024u             /* positions that busd takes with a subscription */
 #define MOST_GONE 128u                   /* publishers that have left, and are remembered */
 
 /* --- memory */
@@ -478,6 +479,7 @@ void subscription_ring(busd_subscription *sub, busd_in body, const int *fds, uns
 struct source *source_find(const busd_subscription *sub, uint64_t number);
 struct source *source_oldest(busd_subscription *sub);
 void source_leave(busd_subscription *sub, struct source *source);
+void source_leave_corrupt(busd_subscription *sub, struct source *source, const struct ring_reader *before);
 void source_show_cursor(struct source *source);
 void sources_drop_stale(busd_subscription *sub);
 void sources_free(busd_subscription *sub);

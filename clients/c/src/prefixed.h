@@ -87,7 +87,6 @@
 #define segment_seal busd__segment_seal
 #define send_run busd__send_run
 #define service_free busd__service_free
-#define services_ask busd__services_ask
 #define services_close busd__services_close
 #define services_look busd__services_look
 #define services_absent busd__services_absent
@@ -97,6 +96,7 @@
 #define socket_path busd__socket_path
 #define source_find busd__source_find
 #define source_leave busd__source_leave
+#define source_leave_corrupt busd__source_leave_corrupt
 #define source_oldest busd__source_oldest
 #define source_show_cursor busd__source_show_cursor
 #define sources_drop_stale busd__sources_drop_stale

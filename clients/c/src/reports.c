@@ -43,6 +43,12 @@ static unsigned dropped_here(const busd_subscription *sub, uint64_t dropped[REAS
     return count;
 }
 
+/* Bounded, as busd ends the connection for a larger number. A broken publisher can make a sum so large. */
+static void field_count(busd_out *out, const char *key, uint64_t count)
+{
+    field_number(out, key, sizes_min(count, MAX_SEQ));
+}
+
 static void report_subscription(busd_bus *bus, busd_subscription *sub)
 {
     uint64_t dropped[REASONS];
@@ -57,13 +63,13 @@ static void report_subscription(busd_bus *bus, busd_subscription *sub)
     field_number(&out, "endpoint", sub->end.id);
     field_number(&out, "samples", stats.samples);
     field_number(&out, "bytes", stats.bytes);
-    field_number(&out, "queued", stats.queued);
+    field_count(&out, "queued", stats.queued);
     busd_put_text(&out, "dropped", strlen("dropped"));
     busd_put_map(&out, reasons);
     for (int i = 0; i < REASONS; i++)
         if (dropped[i] != 0)
-            field_number(&out, reason_names[i], dropped[i]);
-    field_number(&out, "expected", stats.expected - sub->received - by_busd);
+            field_count(&out, reason_names[i], dropped[i]);
+    field_count(&out, "expected", stats.expected - sub->received - by_busd);
     field_number(&out, "repeated", sub->repeated);
     field_number(&out, "at_ns", (uint64_t)now_ns());
     field_number(&out, "age_count", sub->age_count);

@@ -109,13 +109,22 @@ void source_leave(busd_subscription *sub, struct source *source)
     source->is_by_ring = false;
 }
 
+/* Takes back a jump of the numbers of a broken publisher: busd accepts no such number, and the samples never existed. */
+static void go_back(struct feed *feed, const struct ring_reader *before)
+{
+    feed->ring.next = before->next;
+    feed->ring.overrun = before->overrun;
+}
+
 /* Moves the samples that wait in the ring into the queue, before the ring is left. */
 static void drain(busd_subscription *sub, struct source *source)
 {
     struct feed *feed = &source->feed;
+    struct ring_reader before = feed->ring;
+    enum ring_status status;
     source->taken_seq = feed->ring.next - 1;
     feed_poll(feed, 0);
-    while (feed_head(feed, 0) == RING_OK) {
+    while ((status = feed_head(feed, 0)) == RING_OK && feed_is_sound(feed)) {
         const struct ring_record record = feed->head;
         struct sample *sample = sample_new(sub, record.size + 8);
         if (sample == NULL)
@@ -125,11 +134,15 @@ static void drain(busd_subscription *sub, struct source *source)
         sample->publisher = source->number;
         sample->stamp_ns = (int64_t)feed_stamp(feed, &record);
         sample->size = record.size;
-        if (feed_copy(feed, 0, &record, sample->bytes) == RING_OK)
+        if (feed_copy(feed, 0, &record, sample->bytes) == RING_OK) {
             inbox_add(sub, sample);
-        else
+            before = feed->ring;
+        } else {
             sample_free(sub, sample);
+        }
     }
+    if (status == RING_CORRUPT || !feed_is_sound(feed))
+        go_back(feed, &before);
 }
 
 static void refuse(busd_subscription *sub, const struct source *source, const char *fault)
@@ -367,14 +380,24 @@ static uint64_t spared(const struct source *source)
     return source->history_end > next ? sizes_min(source->history_end - next, source->feed.waiting) : 0;
 }
 
+/* Leaves a ring with false numbers, at the position `before` them. */
+void source_leave_corrupt(busd_subscription *sub, struct source *source, const struct ring_reader *before)
+{
+    go_back(&source->feed, before);
+    source_leave(sub, source);
+    refuse(sub, source, "the ring is corrupt");
+}
+
 /* Looks at one ring. False: it has no sample now. */
 static bool look(busd_subscription *sub, struct source *source)
 {
+    const struct ring_reader before = source->feed.ring;
     feed_poll(&source->feed, 0);
-    const enum ring_status status = feed_head(&source->feed, 0);
+    enum ring_status status = feed_head(&source->feed, 0);
+    if (status == RING_OK && !feed_is_sound(&source->feed))
+        status = RING_CORRUPT;
     if (status == RING_CORRUPT) {
-        source_leave(sub, source);
-        refuse(sub, source, "the ring is corrupt");
+        source_leave_corrupt(sub, source, &before);
     } else if (status == RING_EMPTY && source->is_gone && feed_waiting(&source->feed) == 0) {
         source_leave(sub, source);
     }
