@@ -16,6 +16,8 @@ from c_programs import peer
 from conftest import Daemon
 from neighbours import with_limits
 from programs import running_command
+from raw_peer import RawPeer, data
+from raw_peer import text as record
 from semantics import KEEP_ALL, LATCHED, node, until, until_busd_has_all
 
 __all__ = ["node"]
@@ -262,6 +264,35 @@ async def test_another_busd_both_ways(
         await relay.finish()
     assert got == sorted(set(got))
     assert got == [*range(300)]
+
+
+async def test_a_publisher_with_the_number_of_one_that_has_left(
+    daemon: Daemon, programs: Path, tmp_path: Path
+) -> None:
+    """The numbers of the next busd begin at 1 again, and the listener remembers publishers that have left."""
+    async with peer(programs, tmp_path, "listen", "/t", "keep_all") as listener:
+        with RawPeer(daemon.path) as stays, RawPeer(daemon.path) as leaves:
+            stays.hello().write(data(stays.publisher(stays.node(), "/t", gid=b"s" * 16).id, record("1 ")))
+            await listener.line("^1 ")
+            node = leaves.hello().node()
+            for _ in range(20):
+                leaves.publisher(node, "/other")
+            left = leaves.publisher(node, "/t").id
+            leaves.write(data(left, record("2 ") * 5, count=5))
+            await until(lambda: listener.numbers == [1, *[2] * 5])
+            leaves.close()
+            await listener.line("^event 4: ")
+            daemon.kill()
+        daemon.restart()
+        await listener.line("^event 0: ")
+        with RawPeer(daemon.path) as stays:
+            node = stays.hello().node()
+            while stays.publisher(node, "/other").id < left - 1:
+                pass
+            assert stays.publisher(node, "/t", gid=b"s" * 16, next_seq=2).id == left
+            stays.write(data(left, record("3 "), first_seq=2))
+            await listener.line("^3 ")
+        await listener.finish()
 
 
 async def test_an_orderly_restart_loses_nothing(

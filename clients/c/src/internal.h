@@ -201,6 +201,8 @@ struct busd_publisher {
 enum reason { REPLACED, PUBLISHER_QUEUE, EXPIRED, MEMORY_LIMIT, TOO_LARGE, UNDECODABLE, DISCONNECTED, OTHER, REASONS };
 extern const char *const reason_names[REASONS];
 
+#define NO_NUMBER UINT64_MAX /* of a source that has left an earlier busd. 0: of a new source */
+
 /* A publisher, as a subscription sees it. */
 struct source {
     struct source *next;
@@ -481,6 +483,7 @@ struct source *source_oldest(busd_subscription *sub);
 void source_leave(busd_subscription *sub, struct source *source);
 void source_leave_corrupt(busd_subscription *sub, struct source *source, const struct ring_reader *before);
 void source_show_cursor(struct source *source);
+void sources_lost(busd_subscription *sub);
 void sources_drop_stale(busd_subscription *sub);
 void sources_free(busd_subscription *sub);
 void seat_release(struct seat *seat);

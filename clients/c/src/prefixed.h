@@ -101,6 +101,7 @@
 #define source_show_cursor busd__source_show_cursor
 #define sources_drop_stale busd__sources_drop_stale
 #define sources_free busd__sources_free
+#define sources_lost busd__sources_lost
 #define stream_credit busd__stream_credit
 #define stream_flush busd__stream_flush
 #define stream_has_room busd__stream_has_room

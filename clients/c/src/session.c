@@ -266,8 +266,7 @@ void lose_connection(busd_bus *bus, const char *reason)
     }
     for (busd_subscription *s = bus->subscriptions; s != NULL; s = s->next) {
         endpoint_gone(&s->end);
-        for (struct source *source = s->sources; source != NULL; source = source->next)
-            source->is_stale = !source->is_gone;
+        sources_lost(s);
         for (int i = 0; i < REASONS; i++) {
             s->dropped[i] += s->dropped_by_busd[i];
             s->earlier += s->dropped_by_busd[i];

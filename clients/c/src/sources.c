@@ -40,7 +40,7 @@ void seat_release(struct seat *seat)
 
 /* --- sources */
 
-/* The source with busd's number; the latest if there are several. */
+/* The source with this number at the present busd; NULL: none has it. */
 struct source *source_find(const busd_subscription *sub, uint64_t number)
 {
     struct source *source = sub->sources;
@@ -355,12 +355,25 @@ void subscription_ring(busd_subscription *sub, busd_in body, const int *fds, uns
         refuse(sub, source, fault);
 }
 
+/* The connection is lost. The next busd gives the numbers out again, also those of sources that have left. */
+void sources_lost(busd_subscription *sub)
+{
+    for (struct source *source = sub->sources; source != NULL; source = source->next) {
+        source->is_stale = !source->is_gone;
+        if (source->is_gone)
+            source->number = NO_NUMBER;
+    }
+}
+
 /* Ends sources that the next busd has not matched again in time. */
 void sources_drop_stale(busd_subscription *sub)
 {
-    for (struct source *source = sub->sources; source != NULL; source = source->next)
-        if (source->is_stale)
-            source_finish(sub, source);
+    for (struct source *source = sub->sources; source != NULL; source = source->next) {
+        if (!source->is_stale)
+            continue;
+        source_finish(sub, source);
+        source->number = NO_NUMBER;
+    }
 }
 
 void sources_free(busd_subscription *sub)

@@ -146,7 +146,7 @@ typedef struct busd_message {
     int64_t stamp_ns;   /* of publishing, by this process's CLOCK_MONOTONIC */
     int64_t source_ns;  /* wall clock, from the message's source; 0: none */
     uint64_t seq;       /* of its publisher, from 1 on */
-    uint64_t publisher; /* busd's number of it */
+    uint64_t publisher; /* busd's number of it; UINT64_MAX: it had left before the connection was made again */
     int by_ring;        /* 1: through shared memory, 0: by socket */
     void *held;         /* for busd_release() */
 } busd_message;
