@@ -4,6 +4,7 @@
  *     callbacks own|wait|calls|node|close|late|kept|create|names|slots|ping     runs to its end
  *     callbacks away                               waits for busd's end; a forked child has the socket, too
  *     callbacks again                              creates a publisher when it is connected again
+ *     callbacks reply|call                         wait for SIGUSR1 after busd's end, and find it with a reply or a call
  */
 #include <signal.h>
 #include <stdio.h>
@@ -100,6 +101,7 @@ static void wait_and_lose_it(void)
 }
 
 static void ask(void);
+static void make_service(busd_serve *its_serve);
 
 static void hear(void *user, int status, const char *error, const busd_message *response)
 {
@@ -119,22 +121,17 @@ static void ask(void)
         printf("call: %s\n", busd_error(bus));
 }
 
-static void serve(void *user, busd_server *server, const busd_call *call, const busd_message *request)
+static void serve(void *user, busd_server *its_server, const busd_call *call, const busd_message *request)
 {
     (void)user;
-    (void)server;
+    (void)its_server;
     (void)call;
     (void)request;
 }
 
 static void call_twice(void)
 {
-    busd_server *server;
-    const busd_service_type *type = &example_interfaces__srv__AddTwoInts__service;
-    need(busd_server_create(node, "/add", type, NULL, serve, NULL, &server));
-    need(busd_client_create(node, "/add", type, NULL, &client));
-    while (busd_client_servers(client) == 0)
-        need(busd_wait(bus, WAIT_MS));
+    make_service(serve);
     ask();
     ask();
 }
@@ -240,6 +237,118 @@ static void create_inside_of_create(void)
     printf("soon: %d\n", now_ms() - begin < 5000);
 }
 
+/* Waits for SIGUSR1, which says that busd has ended. The library has not seen it yet. */
+static void wait_for_end(void)
+{
+    sigset_t signals;
+    int number;
+    sigemptyset(&signals);
+    sigaddset(&signals, SIGUSR1);
+    sigprocmask(SIG_BLOCK, &signals, NULL);
+    printf("ready\n");
+    fflush(stdout);
+    sigwait(&signals, &number);
+}
+
+static busd_server *server;
+static busd_call open_call;
+
+static void keep_call(void *user, busd_server *its_server, const busd_call *call, const busd_message *request)
+{
+    (void)user;
+    (void)its_server;
+    (void)request;
+    open_call = *call;
+    heard++;
+}
+
+static void make_service(busd_serve *its_serve)
+{
+    const busd_service_type *type = &example_interfaces__srv__AddTwoInts__service;
+    need(busd_server_create(node, "/add", type, NULL, its_serve, NULL, &server));
+    need(busd_client_create(node, "/add", type, NULL, &client));
+    while (busd_client_servers(client) == 0)
+        need(busd_wait(bus, WAIT_MS));
+}
+
+static int reply_to_it(void)
+{
+    const example_interfaces__srv__AddTwoInts_Response response = {.sum = 3};
+    return example_interfaces__srv__AddTwoInts__reply(server, &open_call, &response);
+}
+
+static void reply_in_event(void *user, const busd_event *event)
+{
+    (void)user;
+    if (event->kind == BUSD_DISCONNECTED)
+        printf("reply in the event: %d\n", reply_to_it());
+}
+
+static void hear_end(void *user, int status, const char *error, const busd_message *response)
+{
+    (void)user;
+    (void)status;
+    (void)error;
+    (void)response;
+}
+
+/* The reply finds that busd has ended. Its event replies to the same call. */
+static void reply_twice(void)
+{
+    const example_interfaces__srv__AddTwoInts_Request request = {.a = 1};
+    make_service(keep_call);
+    need(example_interfaces__srv__AddTwoInts__call(client, &request, hear_end, NULL));
+    wait_for_callback();
+    wait_for_end();
+    busd_on_event(bus, reply_in_event, NULL);
+    printf("reply: %d\n", reply_to_it());
+    busd_service_stats stats;
+    busd_server_stats(server, &stats);
+    printf("responses %d, open %u\n", (int)stats.responses, stats.open);
+}
+
+static void serve_sum(void *user, busd_server *its_server, const busd_call *call, const busd_message *taken)
+{
+    example_interfaces__srv__AddTwoInts_Request request;
+    (void)user;
+    need(example_interfaces__srv__AddTwoInts_Request__decode(taken, &request, NULL));
+    const example_interfaces__srv__AddTwoInts_Response response = {.sum = request.a};
+    need(example_interfaces__srv__AddTwoInts__reply(its_server, call, &response));
+}
+
+static void hear_sum(void *user, int status, const char *error, const busd_message *taken)
+{
+    example_interfaces__srv__AddTwoInts_Response response = {.sum = status};
+    (void)error;
+    if (taken != NULL)
+        need(example_interfaces__srv__AddTwoInts_Response__decode(taken, &response, NULL));
+    printf("%s: %d\n", (const char *)user, (int)response.sum);
+    fflush(stdout);
+    heard++;
+}
+
+static void call_in_event(void *user, const busd_event *event)
+{
+    const example_interfaces__srv__AddTwoInts_Request request = {.a = 2};
+    (void)user;
+    if (event->kind == BUSD_DISCONNECTED)
+        need(example_interfaces__srv__AddTwoInts__call(client, &request, hear_sum, "second"));
+}
+
+/* The call finds that busd has ended. Its event calls, too. */
+static void call_in_call(void)
+{
+    const example_interfaces__srv__AddTwoInts_Request request = {.a = 1};
+    make_service(serve_sum);
+    wait_for_end();
+    busd_on_event(bus, call_in_event, NULL);
+    need(example_interfaces__srv__AddTwoInts__call(client, &request, hear_sum, "first"));
+    printf("called\n");
+    fflush(stdout);
+    while (heard < 2)
+        need(busd_wait(bus, WAIT_MS));
+}
+
 static void show(int status)
 {
     const char *text = busd_error(bus);
@@ -341,6 +450,10 @@ int main(int argc, char **argv)
         wait_without_busd();
     else if (strcmp(story, "again") == 0)
         make_again();
+    else if (strcmp(story, "reply") == 0)
+        reply_twice();
+    else if (strcmp(story, "call") == 0)
+        call_in_call();
     busd_close(bus);
     printf("heard %d in all\n", heard);
     return 0;

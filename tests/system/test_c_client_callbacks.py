@@ -1,5 +1,6 @@
 """Callbacks of the C client that destroy, create and close, by both routes, with the sanitizers."""
 
+import signal
 from pathlib import Path
 
 import pytest
@@ -70,3 +71,27 @@ async def test_the_event_of_a_new_connection_may_create(
         daemon.restart()
         await program.line(f"^matched, by ring {int(route == 'shm')}$")
         assert await program.end() == 0, program.lines
+
+
+async def test_a_reply_inside_of_a_reply(daemon: Daemon, programs: Path, tmp_path: Path) -> None:
+    """By socket, the reply finds that busd has ended. Its event replies to the same call."""
+    command = (programs / "callbacks", "reply")
+    async with running_command(tmp_path, *command, BUS_ROUTE="socket") as program:
+        await program.line("^ready$")
+        daemon.kill()
+        program.process.send_signal(signal.SIGUSR1)
+        assert await program.end() == 0, program.lines
+    assert program.lines[1:4] == ["reply in the event: 0", "reply: 0", "responses 1, open 0"]
+
+
+async def test_a_call_inside_of_a_call(daemon: Daemon, programs: Path, tmp_path: Path) -> None:
+    """By socket, the call finds that busd has ended. Its event calls, too, and each call gets its own answer."""
+    command = (programs / "callbacks", "call")
+    async with running_command(tmp_path, *command, BUS_ROUTE="socket") as program:
+        await program.line("^ready$")
+        daemon.kill()
+        program.process.send_signal(signal.SIGUSR1)
+        await program.line("^called$")
+        daemon.restart()
+        assert await program.end() == 0, program.lines
+    assert sorted(program.lines[2:4]) == ["first: 1", "second: 2"]

@@ -255,7 +255,8 @@ static int reply(busd_server *server, const busd_call *id, const char *error, co
     if (call == NULL)
         return fail(server->service.node->bus, ENOENT, "this call has its reply already");
     const int status = envelope_publish(server->service.publisher, id, error, body, size);
-    if (status == 0) {
+    call = call_find(&server->service, id); /* the loss of the connection has a callback, which may reply, too */
+    if (status == 0 && call != NULL) {
         call_end(&server->service, call);
         server->service.responses++;
         server->service.errors += *error != '\0';
@@ -381,7 +382,7 @@ static void look_at(busd_bus *bus, int64_t at_ns)
 
 int busd_client_call(busd_client *client, const void *body, size_t size, busd_answer *callback, void *user)
 {
-    busd_call id = {.number = client->numbers};
+    busd_call id;
     if (client->service.is_closed)
         return fail(client->service.node->bus, ECANCELED, "the client was destroyed");
     if (client->service.call_count >= MOST_PENDING)
@@ -390,6 +391,7 @@ int busd_client_call(busd_client *client, const void *body, size_t size, busd_an
     if (client->service.node->bus->is_open && busd_client_servers(client) == 0)
         return fail(client->service.node->bus, EHOSTUNREACH, "%s has no server", client->service.publisher->end.topic);
     memcpy(id.client, client->service.publisher->end.gid, sizeof id.client);
+    id.number = client->numbers++; /* now, because a callback inside of the publish may call, too */
     struct call *call = call_add(&client->service, &id);
     if (call == NULL)
         return fail(client->service.node->bus, ENOMEM, "no memory");
@@ -400,11 +402,11 @@ int busd_client_call(busd_client *client, const void *body, size_t size, busd_an
     call->ask_ns = is_bridged ? now_ns() + FIRST_PAUSE_NS : 0;
     const int status = envelope_publish(client->service.publisher, &id, NULL, body, size);
     if (status < 0) {
-        if ((call = call_find(&client->service, &id)) != NULL)
-            call_end(&client->service, call);
+        if ((call = call_find(&client->service, &id)) == NULL)
+            return 0; /* a callback has ended it, with its answer */
+        call_end(&client->service, call);
         return status;
     }
-    client->numbers++;
     client->service.requests++;
     if (is_bridged)
         look_at(client->service.node->bus, now_ns() + FIRST_PAUSE_NS);
