@@ -1,7 +1,7 @@
 /* The C side of tests/system/test_c_client_callbacks.py: callbacks that destroy, create and close; bad names. One process is both
  * ends. Prints what has happened; the sanitizers report the rest.
  *
- *     callbacks own|wait|calls|node|close|late|kept|create|names|slots|ping     runs to its end
+ *     callbacks own|wait|calls|node|close|late|kept|fork|create|names|slots|ping     runs to its end
  *     callbacks away                               waits for busd's end; a forked child has the socket, too
  *     callbacks again                              creates a publisher when it is connected again
  *     callbacks reply|call                         wait for SIGUSR1 after busd's end, and find it with a reply or a call
@@ -159,6 +159,59 @@ static void keep(void)
     need(std_msgs__msg__String__decode(&kept, &message, NULL));
     printf("%.*s\n", (int)message.data.size, message.data.data);
     busd_release(&kept);
+}
+
+static void take(busd_message *message)
+{
+    int count;
+    while ((count = busd_take(subscription, message)) == 0)
+        need(busd_wait(bus, WAIT_MS));
+    need(count);
+}
+
+/* A message by ring is long, so that it stays in the ring. */
+static void publish_long(char letter)
+{
+    static char text[20001];
+    memset(text, letter, sizeof text - 1);
+    publish(publisher, text);
+}
+
+static void end_in_child(busd_message *kept)
+{
+    busd_release(kept);
+    busd_client_destroy(client);
+    busd_subscription_destroy(subscription);
+    busd_publisher_destroy(publisher);
+    busd_node_destroy(node);
+    busd_close(bus);
+    fflush(stdout);
+    _exit(0);
+}
+
+/* The child ends everything. The parent's message stays in place, and its endpoints continue. */
+static void fork_and_go_on(void)
+{
+    busd_message kept, taken;
+    call_twice();
+    make("/t", &BUSD_QOS_DEFAULT, NULL);
+    publish_long('k');
+    take(&kept);
+    fflush(stdout);
+    const pid_t child = fork();
+    if (child == 0)
+        end_in_child(&kept);
+    waitpid(child, NULL, 0);
+    for (int i = 0; i < 1000; i++) { /* around the ring many times */
+        publish_long('x');
+        take(&taken);
+        busd_release(&taken);
+    }
+    std_msgs__msg__String message;
+    need(std_msgs__msg__String__decode(&kept, &message, NULL));
+    printf("kept: %d\n", message.data.data[0] == 'k' && message.data.data[message.data.size - 1] == 'k');
+    busd_release(&kept);
+    busd_client_destroy(client);
 }
 
 static int64_t now_ms(void)
@@ -438,6 +491,8 @@ int main(int argc, char **argv)
         destroy_late_ones();
     else if (strcmp(story, "kept") == 0)
         keep();
+    else if (strcmp(story, "fork") == 0)
+        fork_and_go_on();
     else if (strcmp(story, "create") == 0)
         create_inside_of_create();
     else if (strcmp(story, "names") == 0)

@@ -33,6 +33,7 @@ STORIES = {
     "ping": ["enough: 1", "heard 0 in all"],
     "late": ["missed 1 by the publisher", "heard 1 in all"],
     "kept": ["kept", "heard 0 in all"],
+    "fork": ["kept: 1", *DESTROYED * 2, "heard 2 in all"],
 }
 
 

@@ -348,8 +348,7 @@ void busd_publisher_destroy(busd_publisher *publisher)
     if (publisher == NULL)
         return;
     busd_bus *bus = publisher->end.node->bus;
-    if (bus->pid == getpid())
-        flush(bus);
+    flush(bus);
     end_endpoint(&publisher->end);
     sweep_unless_in_turn(bus);
 }

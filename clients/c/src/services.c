@@ -7,6 +7,7 @@
  */
 #include <stdio.h>
 #include <stdlib.h>
+#include <unistd.h>
 
 #include "internal.h"
 
@@ -173,7 +174,7 @@ static void service_destroy(struct service *service)
     service->is_closed = true; /* an answer can't begin another call now */
     busd_bus *bus = service->node->bus;
     bus->turns++; /* one sweep at the end; and answers may destroy, too */
-    if (service->is_client)
+    if (service->is_client && bus->pid == getpid()) /* after a fork, the calls are the parent's */
         end_calls(service, -ECANCELED, "the client was destroyed");
     busd_subscription_destroy(service->subscription);
     busd_publisher_destroy(service->publisher);

@@ -399,7 +399,9 @@ int busd_connect(busd_bus **place, const char *path, const char *program)
 }
 
 int busd_fd(const busd_bus *bus) { return bus->epoll; }
-int busd_is_connected(const busd_bus *bus) { return bus->sock >= 0 && bus->is_open; }
+
+/* Not after a fork in the child: the socket is the parent's. */
+int busd_is_connected(const busd_bus *bus) { return bus->sock >= 0 && bus->is_open && bus->pid == getpid(); }
 
 /* --- the turn */
 

@@ -5,6 +5,7 @@
  * subscription, which may be destroyed before.
  */
 #include <stdlib.h>
+#include <unistd.h>
 
 #include "internal.h"
 
@@ -157,7 +158,8 @@ void busd_release(busd_message *message)
     } else {
         struct hold *hold = thing;
         struct seat *seat = hold->seat;
-        ring_unpin(seat->slot, hold->pin);
+        if (seat->bus->pid == getpid()) /* after a fork, the pin is the parent's */
+            ring_unpin(seat->slot, hold->pin);
         map_drop(hold->map);
         seat->pinned--;
         seat_release(seat);

@@ -1,7 +1,8 @@
 /* busd in C: nodes, publishers and subscriptions on the bus of this machine. docs/c.md is the manual.
  *
  * One thread at a time may use a connection and everything made with it. The library has no threads, no signal
- * handlers and no global state. After a fork, the child may only close the connection.
+ * handlers and no global state. After a fork, the child may only release, destroy and close, which then changes nothing
+ * for busd and the parent, and calls no callbacks.
  *
  * Functions that return int return 0, a number of things, or a negative errno; busd_error() then says why in words.
  */
@@ -73,7 +74,7 @@ int busd_dispatch(busd_bus *bus);
  * signal. */
 int busd_wait(busd_bus *bus, int timeout_ms);
 
-/* 1 while busd knows this process. If the connection is lost, the library connects again by itself. */
+/* 1 while busd knows this process; 0 in its child after a fork. If the connection is lost, the library connects again by itself. */
 int busd_is_connected(const busd_bus *bus);
 
 /* The reason of the last call that failed. Never NULL. */
