@@ -2,6 +2,8 @@
 
 import asyncio
 import mmap
+import os
+import resource
 import signal
 from pathlib import Path
 
@@ -209,6 +211,26 @@ async def test_held_messages_stay_as_they_are(
         await listener.finish()
     assert listener.numbers == [*range(200)]
     assert not [line for line in listener.program.lines if "broken" in line]
+
+
+@pytest.mark.skipif(not shm.is_available(), reason=shm.why_not())
+async def test_a_listener_without_a_free_descriptor_wakes_its_publisher(
+    node: bus.Node, programs: Path, tmp_path: Path
+) -> None:
+    """It has room for the two descriptors of the match, and for none more."""
+    async with peer(programs, tmp_path, "listen", "/t", "keep_all") as listener:
+        pid = listener.program.process.pid
+        used = {int(name) for name in os.listdir(f"/proc/{pid}/fd")}
+        second = [number for number in range(len(used) + 2) if number not in used][1]
+        before = resource.prlimit(pid, resource.RLIMIT_NOFILE)
+        resource.prlimit(pid, resource.RLIMIT_NOFILE, (second + 1, before[1]))
+        publisher = await node.create_publisher(String, "/t", KEEP_ALL)
+        await publisher.wait_for_subscriptions()
+        for number in range(MANY):
+            await publisher.send(text(number, 2000))
+        await listener.line(f"^{MANY - 1} 2000 shm$")
+        resource.prlimit(pid, resource.RLIMIT_NOFILE, before)
+        await listener.finish()
 
 
 @pytest.mark.parametrize("role", ["listen", "talk"])

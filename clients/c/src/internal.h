@@ -473,7 +473,7 @@ void stream_lost(busd_publisher *publisher);
 uint64_t stream_next_seq(busd_publisher *publisher);
 
 /* sources.c */
-void subscription_matched(busd_subscription *sub, busd_in body, busd_in qos, const unsigned char *gid, const int *fds,
+void subscription_matched(busd_subscription *sub, busd_in body, busd_in qos, const unsigned char *gid, int *fds,
                           unsigned count);
 void subscription_unmatched(busd_subscription *sub, busd_in body);
 void subscription_rerouted(busd_subscription *sub, uint64_t number);

@@ -6,7 +6,6 @@
  *     is_gone with a seat   the samples left in its ring are taken, then the ring is left
  *     is_gone               only its last number is remembered, because it may come back
  */
-#include <fcntl.h>
 #include <stdlib.h>
 #include <sys/random.h>
 #include <unistd.h>
@@ -215,7 +214,7 @@ static uint64_t history_of(const busd_subscription *sub, busd_in qos)
 }
 
 /* Begins to read the ring. Returns the fault because of which it can't. */
-static const char *attach(busd_subscription *sub, struct source *source, busd_in body, busd_in qos, const int *fds)
+static const char *attach(busd_subscription *sub, struct source *source, busd_in body, busd_in qos, int *fds)
 {
     busd_bus *bus = sub->end.node->bus;
     struct feed *feed = &source->feed;
@@ -247,8 +246,10 @@ static const char *attach(busd_subscription *sub, struct source *source, busd_in
         source->last_seq = 0;
         return "the ring's numbers are out of bounds";
     }
-    if (sub->end.is_lossless)
-        source->doorbell = fcntl(fds[1], F_DUPFD_CLOEXEC, 0);
+    if (sub->end.is_lossless) {
+        source->doorbell = fds[1]; /* taken over: a copy may fail, and the publisher would wait for ever */
+        fds[1] = -1;
+    }
     source->is_by_ring = true;
     source->noted = feed->ring.next - 1;
     return NULL;
@@ -273,7 +274,7 @@ static void by_socket(busd_subscription *sub, struct source *source, busd_in bod
     source->last_seq = next_seq - 1;
 }
 
-void subscription_matched(busd_subscription *sub, busd_in body, busd_in qos, const unsigned char *gid, const int *fds,
+void subscription_matched(busd_subscription *sub, busd_in body, busd_in qos, const unsigned char *gid, int *fds,
                           unsigned count)
 {
     busd_bus *bus = sub->end.node->bus;
@@ -401,8 +402,9 @@ void source_leave_corrupt(busd_subscription *sub, struct source *source, const s
     refuse(sub, source, "the ring is corrupt");
 }
 
-/* Looks at one ring. False: it has no sample now. */
-static bool look(busd_subscription *sub, struct source *source)
+/* Looks at one ring. RING_OK: it has a sample. RING_CORRUPT: it was left, and the event of that can have changed all
+ * sources. */
+static enum ring_status look(busd_subscription *sub, struct source *source)
 {
     const struct ring_reader before = source->feed.ring;
     feed_poll(&source->feed, 0);
@@ -414,25 +416,40 @@ static bool look(busd_subscription *sub, struct source *source)
     } else if (status == RING_EMPTY && source->is_gone && feed_waiting(&source->feed) == 0) {
         source_leave(sub, source);
     }
-    return status == RING_OK;
+    return status;
+}
+
+/* Finds the source with the oldest sample in its ring, and how many samples wait in all. False: begin again. */
+static bool find_oldest(busd_subscription *sub, struct source **place, uint64_t *waiting)
+{
+    struct source *oldest = NULL;
+    *waiting = 0;
+    for (struct source *source = sub->sources; source != NULL; source = source->next) {
+        const enum ring_status status = source->seat == NULL ? RING_EMPTY : look(sub, source);
+        if (status == RING_CORRUPT)
+            return false;
+        if (status != RING_OK)
+            continue;
+        *waiting += source->feed.waiting - spared(source);
+        if (oldest == NULL || feed_stamp(&source->feed, &source->feed.head) < feed_stamp(&oldest->feed, &oldest->feed.head))
+            oldest = source;
+    }
+    *place = oldest;
+    return true;
 }
 
 /* The source with the oldest sample in its ring; NULL: no ring has one. Passes over samples above the depth. */
 struct source *source_oldest(busd_subscription *sub)
 {
-    for (;;) {
-        struct source *oldest = NULL;
-        uint64_t waiting = 0;
-        for (struct source *source = sub->sources; source != NULL; source = source->next) {
-            if (source->seat == NULL || !look(sub, source))
-                continue;
-            waiting += source->feed.waiting - spared(source);
-            if (oldest == NULL || feed_stamp(&source->feed, &source->feed.head) < feed_stamp(&oldest->feed, &oldest->feed.head))
-                oldest = source;
-        }
+    while (!sub->end.is_closed) {
+        struct source *oldest;
+        uint64_t waiting;
+        if (!find_oldest(sub, &oldest, &waiting))
+            continue;
         if (oldest == NULL || sub->depth == 0 || waiting <= sub->depth)
             return oldest;
         const bool is_alone = waiting == oldest->feed.waiting;
         feed_skip(&oldest->feed, is_alone ? waiting - sub->depth : 1); /* of several, one by one in order of the stamps */
     }
+    return NULL;
 }
