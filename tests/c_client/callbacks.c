@@ -1,9 +1,10 @@
 /* The C side of tests/system/test_c_client_callbacks.py: callbacks that destroy, create and close; bad names. One process is both
  * ends. Prints what has happened; the sanitizers report the rest.
  *
- *     callbacks own|wait|calls|node|close|late|kept|fork|create|names|slots|ping     runs to its end
+ *     callbacks own|wait|idle|calls|node|close|late|kept|fork|create|names|slots|ping     runs to its end
  *     callbacks away                               waits for busd's end; a forked child has the socket, too
  *     callbacks again                              creates a publisher when it is connected again
+ *     callbacks phantom                            waits for room of a publisher until it is killed
  *     callbacks reply|call                         wait for SIGUSR1 after busd's end, and find it with a reply or a call
  */
 #include <signal.h>
@@ -83,7 +84,7 @@ static void destroy_full(void *user, const busd_message *message)
     busd_publisher_destroy(full);
 }
 
-static void wait_and_lose_it(void)
+static void fill(void)
 {
     static char text[100001];
     memset(text, 'x', sizeof text - 1);
@@ -94,9 +95,53 @@ static void wait_and_lose_it(void)
     while ((status = std_msgs__msg__String__publish(full, &message)) == 0)
         need(busd_dispatch(bus));
     printf("full: %d\n", status == -EAGAIN);
+}
+
+static void destroy_subscription(void *user, const busd_message *message)
+{
+    (void)user;
+    (void)message;
+    heard++;
+    busd_subscription_destroy(subscription);
+}
+
+/* The destroyed subscription has a message that waits. It must not keep the publisher's wait awake. */
+static void wait_idly(void)
+{
+    fill();
+    make("/t", &BUSD_QOS_DEFAULT, destroy_subscription);
+    publish(publisher, "one");
+    publish(publisher, "two");
+    const clock_t begin = clock();
+    need(busd_publisher_wait(full, 1000));
+    printf("idle: %d\n", clock() - begin < CLOCKS_PER_SEC / 2);
+}
+
+static void make_phantom(void *user, const busd_event *event)
+{
+    (void)user;
+    if (event->kind == BUSD_DISCONNECTED)
+        printf("phantom: %d\n",
+               busd_publisher_create(node, "/phantom", &std_msgs__msg__String__type, NULL, &publisher) == -ENOTCONN);
+    fflush(stdout);
+}
+
+/* During the wait, the next busd gets everything declared again. */
+static void wait_for_next_busd(void)
+{
+    fill();
+    busd_on_event(bus, make_phantom, NULL);
+    printf("ready\n");
+    fflush(stdout);
+    need(busd_publisher_wait(full, -1));
+}
+
+static void wait_and_lose_it(void)
+{
+    fill();
     make("/t", &BUSD_QOS_DEFAULT, destroy_full);
     publish(publisher, "end it");
-    status = busd_publisher_wait(full, WAIT_MS);
+    const int status = busd_publisher_wait(full, WAIT_MS);
     printf("wait: %d: %s\n", status == -EPIPE, busd_error(bus));
 }
 
@@ -475,6 +520,10 @@ int main(int argc, char **argv)
     need(busd_node_create(bus, "callbacks", NULL, &node));
     if (strcmp(story, "own") == 0)
         own();
+    else if (strcmp(story, "idle") == 0)
+        wait_idly();
+    else if (strcmp(story, "phantom") == 0)
+        wait_for_next_busd();
     else if (strcmp(story, "wait") == 0)
         wait_and_lose_it();
     else if (strcmp(story, "calls") == 0) {

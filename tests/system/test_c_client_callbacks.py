@@ -1,13 +1,18 @@
 """Callbacks of the C client that destroy, create and close, by both routes, with the sanitizers."""
 
+import asyncio
 import signal
 from pathlib import Path
 
 import pytest
 
+import bus
 import c_programs
 from conftest import Daemon
 from programs import running_command
+from semantics import node
+
+__all__ = ["node"]
 
 
 @pytest.fixture(scope="session")
@@ -18,6 +23,7 @@ def programs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 DESTROYED = ["answer 1: the client was destroyed", "call: the client was destroyed"]
 STORIES = {
     "own": ["size 5, first byte 145", "heard 1", "heard 1 in all"],
+    "idle": ["full: 1", "idle: 1", "heard 1 in all"],
     "wait": ["full: 1", "wait: 1: the publisher has ended", "heard 1 in all"],
     "calls": [*DESTROYED * 2, "heard 2 in all"],
     "node": [*DESTROYED * 2, "heard 2 in all"],
@@ -72,6 +78,24 @@ async def test_the_event_of_a_new_connection_may_create(
         daemon.restart()
         await program.line(f"^matched, by ring {int(route == 'shm')}$")
         assert await program.end() == 0, program.lines
+
+
+async def test_an_endpoint_that_was_not_created_is_not_declared_later(
+    daemon: Daemon, node: bus.Node, programs: Path, tmp_path: Path
+) -> None:
+    async with running_command(tmp_path, programs / "callbacks", "phantom") as program:
+        await program.line("^ready$")
+        daemon.kill()
+        await program.line("^phantom: 1$")
+        daemon.restart()
+        topics: set[str] = set()
+        while "/full" not in topics:
+            await asyncio.sleep(0.02)
+            try:
+                topics = {one.topic for one in (await node.graph()).publishers}
+            except bus.errors.BusError:
+                pass  # it is not connected again
+        assert "/phantom" not in topics
 
 
 async def test_a_reply_inside_of_a_reply(daemon: Daemon, programs: Path, tmp_path: Path) -> None:

@@ -289,10 +289,10 @@ void answer_take(busd_bus *bus, busd_in body, bool is_created)
         if (is_refused && waiting == NULL)
             tell(bus, BUSD_REFUSED, NULL, "node %s: %s", node->name, bus->error);
         for (busd_publisher *p = bus->publishers; p != NULL; p = p->next)
-            if (p->end.node == node && p->end.state == UNDECLARED && is_created)
+            if (p->end.node == node && p->end.state == UNDECLARED && !p->end.is_closed && is_created)
                 declare_again(&p->end);
         for (busd_subscription *s = bus->subscriptions; s != NULL; s = s->next)
-            if (s->end.node == node && s->end.state == UNDECLARED && is_created)
+            if (s->end.node == node && s->end.state == UNDECLARED && !s->end.is_closed && is_created)
                 declare_again(&s->end);
         return;
     }

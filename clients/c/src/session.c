@@ -408,7 +408,7 @@ int busd_is_connected(const busd_bus *bus) { return bus->sock >= 0 && bus->is_op
 static bool has_news(const busd_bus *bus)
 {
     for (const busd_subscription *s = bus->subscriptions; s != NULL; s = s->next)
-        if (s->callback != NULL && subscription_has_news(s))
+        if (s->callback != NULL && !s->end.is_closed && subscription_has_news(s))
             return true;
     return false;
 }
