@@ -2,7 +2,6 @@
 
 import asyncio
 import mmap
-import os
 import resource
 import signal
 from pathlib import Path
@@ -220,7 +219,7 @@ async def test_a_listener_without_a_free_descriptor_wakes_its_publisher(
     """It has room for the two descriptors of the match, and for none more."""
     async with peer(programs, tmp_path, "listen", "/t", "keep_all") as listener:
         pid = listener.program.process.pid
-        used = {int(name) for name in os.listdir(f"/proc/{pid}/fd")}
+        used = {int(link.name) for link in Path(f"/proc/{pid}/fd").iterdir()}
         second = [number for number in range(len(used) + 2) if number not in used][1]
         before = resource.prlimit(pid, resource.RLIMIT_NOFILE)
         resource.prlimit(pid, resource.RLIMIT_NOFILE, (second + 1, before[1]))

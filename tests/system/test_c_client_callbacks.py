@@ -110,7 +110,7 @@ async def test_a_reply_inside_of_a_reply(daemon: Daemon, programs: Path, tmp_pat
 
 
 async def test_a_call_inside_of_a_call(daemon: Daemon, programs: Path, tmp_path: Path) -> None:
-    """By socket, the call finds that busd has ended. Its event calls, too, and each call gets its own answer."""
+    """By socket, the call finds that busd has ended. Its event calls, too; each call gets its answer."""
     command = (programs / "callbacks", "call")
     async with running_command(tmp_path, *command, BUS_ROUTE="socket") as program:
         await program.line("^ready$")
