@@ -14,6 +14,7 @@ from bus import shm
 from bus.msg.std_msgs import String
 from bus.shm import segments
 from c_programs import peer
+from chaos.proxy import Proxy
 from conftest import Daemon
 from neighbours import with_limits
 from programs import running_command
@@ -45,6 +46,10 @@ def memory_bytes(pid: int) -> int:
     """The resident memory of a process."""
     pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
     return pages * mmap.PAGESIZE
+
+
+def descriptors_of(pid: int) -> set[int]:
+    return {int(link.name) for link in Path(f"/proc/{pid}/fd").iterdir()}
 
 
 async def receive(subscription: bus.Subscription[String], count: int) -> list[String]:
@@ -219,7 +224,7 @@ async def test_a_listener_without_a_free_descriptor_wakes_its_publisher(
     """It has room for the two descriptors of the match, and for none more."""
     async with peer(programs, tmp_path, "listen", "/t", "keep_all") as listener:
         pid = listener.program.process.pid
-        used = {int(link.name) for link in Path(f"/proc/{pid}/fd").iterdir()}
+        used = descriptors_of(pid)
         second = [number for number in range(len(used) + 2) if number not in used][1]
         before = resource.prlimit(pid, resource.RLIMIT_NOFILE)
         resource.prlimit(pid, resource.RLIMIT_NOFILE, (second + 1, before[1]))
@@ -431,6 +436,65 @@ async def test_the_account_of_a_stopped_subscription_closes(
         statistics = await listener.finish()
     assert statistics["samples"] + statistics["replaced"] + statistics["lost"] == 21
     assert listener.numbers == sorted(set(listener.numbers))
+
+
+@pytest.mark.parametrize("leaves", ["before", "after"])
+async def test_the_account_closes_without_the_publisher_of_a_lost_connection(
+    daemon: Daemon, node: bus.Node, programs: Path, tmp_path: Path, route: str, leaves: str
+) -> None:
+    """The publisher leaves before or after busd cuts off the stopped process, and busd tells the rest."""
+    path = tmp_path / "proxy.sock"
+    with Proxy(path, daemon.path) as proxy:
+        async with peer(programs, tmp_path, "listen", "/t", "depth=1000", BUSD_SOCKET=str(path)) as listener:
+            publisher = await node.create_publisher(String, "/t", 1000)
+            await publisher.wait_for_subscriptions()
+            publisher.publish(text(0))
+            await listener.line("^0 ")
+            listener.program.process.send_signal(signal.SIGSTOP)
+            for number in range(1, 31):
+                publisher.publish(text(number, 20_000))
+                await publisher.flush()
+            if leaves == "before":
+                await publisher.close()
+            await node.graph()  # busd has read all that
+            proxy.hang_up()
+            while len((await node.graph()).nodes) > 1:  # noqa: ASYNC110
+                await asyncio.sleep(0.01)
+            if leaves == "after":
+                for number in range(31, 41):
+                    publisher.publish(text(number, 20_000))
+                await publisher.flush()
+                await publisher.close()
+            listener.program.process.send_signal(signal.SIGCONT)
+            while not (await node.graph()).subscriptions_of("/t"):  # noqa: ASYNC110
+                await asyncio.sleep(0.01)
+            await until_account(node, "/t", 31 if leaves == "before" else 41)
+            await listener.finish()
+
+
+async def test_the_samples_of_a_publisher_that_breaks_and_returns_count_once(
+    daemon: Daemon, node: bus.Node, programs: Path, tmp_path: Path
+) -> None:
+    """It returns under another number while its samples wait in busd for the stopped listener."""
+    async with peer(programs, tmp_path, "listen", "/t", "depth=1000") as listener:
+        with RawPeer(daemon.path) as first, RawPeer(daemon.path) as second:
+            number = first.hello().publisher(first.node(), "/t", gid=b"s" * 16).id
+            first.write(data(number, record("1 ")))
+            await listener.line("^1 ")
+            listener.program.process.send_signal(signal.SIGSTOP)
+            for seq in range(2, 31):
+                first.write(data(number, record("2 " + "x" * 20_000), first_seq=seq))
+            first.barrier()
+            first.close()
+            number = second.hello().publisher(second.node(), "/t", gid=b"s" * 16, next_seq=36).id
+            second.write(data(number, record("3 "), first_seq=36))
+            second.barrier()
+            listener.program.process.send_signal(signal.SIGCONT)
+            await listener.line("^3 ")
+            await until_account(node, "/t", 36)
+            statistics = await listener.finish()
+    assert listener.numbers == [1, *[2] * 29, 3]
+    assert (statistics["samples"], statistics["lost"]) == (31, 5)
 
 
 async def test_expired_messages_are_not_delivered(

@@ -178,12 +178,6 @@ static void field_qos(busd_out *out, const busd_qos *qos)
     }
 }
 
-/* The last number received from a source, by any route; 0: none. */
-static uint64_t source_position(const struct source *source)
-{
-    return source->seat != NULL ? source->feed.ring.next - 1 : source->last_seq;
-}
-
 /* Positions of sources that have not left, or that have. At most `left` of them; returns how many more would fit. */
 static size_t put_positions(busd_out *out, const busd_subscription *sub, bool are_gone, size_t left)
 {

@@ -209,7 +209,10 @@ struct source {
     unsigned char gid[16];
     uint64_t number, lifespan_ns;
     uint64_t clock_ns;             /* lead of the publisher's clock over ours, modulo 2^64 */
+    uint64_t before;               /* its number at this busd before it returned; 0: none */
     uint64_t last_seq;             /* received */
+    uint64_t routed_seq;           /* after its end: up to here, busd still delivers the samples, or reports their drops */
+    uint64_t missed_seq;           /* missing samples up to here are counted */
     uint64_t taken_seq, acked_seq; /* by socket */
     uint64_t unacked_bytes;
     uint64_t noted;                /* in its rings, see deadlines.c */
@@ -479,6 +482,8 @@ void subscription_unmatched(busd_subscription *sub, busd_in body);
 void subscription_rerouted(busd_subscription *sub, uint64_t number);
 void subscription_ring(busd_subscription *sub, busd_in body, const int *fds, unsigned count);
 struct source *source_find(const busd_subscription *sub, uint64_t number);
+uint64_t source_position(const struct source *source);
+void sources_missed(busd_subscription *sub, const unsigned char *gid, uint64_t first, uint64_t last);
 struct source *source_oldest(busd_subscription *sub);
 void source_leave(busd_subscription *sub, struct source *source);
 void source_leave_corrupt(busd_subscription *sub, struct source *source, const struct ring_reader *before);

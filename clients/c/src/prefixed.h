@@ -98,10 +98,12 @@
 #define source_leave busd__source_leave
 #define source_leave_corrupt busd__source_leave_corrupt
 #define source_oldest busd__source_oldest
+#define source_position busd__source_position
 #define source_show_cursor busd__source_show_cursor
 #define sources_drop_stale busd__sources_drop_stale
 #define sources_free busd__sources_free
 #define sources_lost busd__sources_lost
+#define sources_missed busd__sources_missed
 #define stream_credit busd__stream_credit
 #define stream_flush busd__stream_flush
 #define stream_has_room busd__stream_has_room

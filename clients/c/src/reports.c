@@ -130,11 +130,30 @@ void report_last(struct endpoint *end)
         report_one(end);
 }
 
+/* Samples of publishers that have left while this connection was lost: the first and the last number, by gid. */
+static void take_missed(busd_subscription *sub, busd_in body)
+{
+    busd_in map;
+    busd_item head, gid;
+    if (!busd_find(body, "missed", &map) || !busd_get_item(&map, &head) || head.kind != BUSD_MAP)
+        return;
+    for (uint64_t left = head.number; left > 0 && busd_get_item(&map, &gid); left--) {
+        if (gid.kind != BUSD_BYTES_ITEM || gid.number != 16 || !busd_get_array(&map, 2))
+            return;
+        const uint64_t first = busd_get_uint(&map, UINT64_MAX), last = busd_get_uint(&map, UINT64_MAX);
+        if (map.failed)
+            return;
+        sources_missed(sub, gid.bytes, first, last);
+    }
+    report_due(&sub->end);
+}
+
 /* Dropped: busd's totals of the samples that it dropped for a subscription. */
 void report_dropped(busd_subscription *sub, busd_in body)
 {
     busd_in map;
     busd_item head, reason, count;
+    take_missed(sub, body);
     if (!busd_find(body, "dropped", &map) || !busd_get_item(&map, &head) || head.kind != BUSD_MAP)
         return;
     memset(sub->dropped_by_busd, 0, sizeof sub->dropped_by_busd);

@@ -39,13 +39,19 @@ void seat_release(struct seat *seat)
 
 /* --- sources */
 
-/* The source with this number at the present busd; NULL: none has it. */
+/* The source with this number at the present busd, or with it before its return; NULL: none has it. */
 struct source *source_find(const busd_subscription *sub, uint64_t number)
 {
-    struct source *source = sub->sources;
-    while (source != NULL && (source->number != number || source->is_stale))
+    struct source *source = number == 0 || number == NO_NUMBER ? NULL : sub->sources;
+    while (source != NULL && ((source->number != number && source->before != number) || source->is_stale))
         source = source->next;
     return source;
+}
+
+/* The last number that the next busd need not send: received by any route, or counted as lost; 0: none. */
+uint64_t source_position(const struct source *source)
+{
+    return sizes_max(source->seat != NULL ? source->feed.ring.next - 1 : source->last_seq, source->missed_seq);
 }
 
 static struct source *source_of_gid(busd_subscription *sub, const unsigned char *gid)
@@ -228,6 +234,7 @@ static const char *attach(busd_subscription *sub, struct source *source, busd_in
         seat_release(seat);
         return fault;
     }
+    const uint64_t known = source_position(source); /* before it has the seat */
     source->seat = seat;
     source->newest = ring->map;
     feed_attach(feed, &ring->ring, seat->slot, random_number());
@@ -235,8 +242,8 @@ static const char *attach(busd_subscription *sub, struct source *source, busd_in
     feed->clock_ns = source->clock_ns;
     const uint64_t at_ns = busd_find_number(body, "at_ns", 0);
     uint64_t old = 0, seq = feed_find(feed, at_ns, history_of(sub, qos), &old);
-    if (source->last_seq != 0)
-        seq = source->last_seq + 1;
+    if (known != 0)
+        seq = known + 1;
     else if (busd_find_number(body, "next_seq", 1) == 1 && (int64_t)at_ns > sub->declared_ns)
         seq = 1; /* the publisher is younger than the subscription */
     source->history_end = seq + old;
@@ -257,6 +264,19 @@ static const char *attach(busd_subscription *sub, struct source *source, busd_in
 
 /* --- messages of busd */
 
+/* Counts the samples up to `last` that have not come and will not come. */
+static void count_missed(busd_subscription *sub, struct source *source, uint64_t last)
+{
+    uint64_t known = sizes_max(source_position(source), source->routed_seq);
+    if (source->seat != NULL)
+        known = sizes_max(known, feed_newest(&source->feed)); /* they wait in its ring */
+    if (last > known) {
+        sub->dropped[DISCONNECTED] += last - known;
+        sub->away += last - known;
+    }
+    source->missed_seq = sizes_max(source->missed_seq, last);
+}
+
 static void by_socket(busd_subscription *sub, struct source *source, busd_in body, busd_in qos, bool is_new)
 {
     const uint64_t next_seq = busd_find_number(body, "next_seq", 1);
@@ -266,12 +286,8 @@ static void by_socket(busd_subscription *sub, struct source *source, busd_in bod
     }
     const bool has_history = sub->end.qos.durability != BUSD_VOLATILE && busd_find_is(qos, "durability", "transient_local");
     const bool comes_again = has_history || (source->is_lossless && sub->end.node->bus->is_new_busd);
-    if (is_new || comes_again || next_seq <= source->last_seq + 1)
-        return;
-    const uint64_t missed = next_seq - 1 - source->last_seq;
-    sub->dropped[DISCONNECTED] += missed;
-    sub->away += missed;
-    source->last_seq = next_seq - 1;
+    if (!is_new && !comes_again)
+        count_missed(sub, source, next_seq - 1);
 }
 
 void subscription_matched(busd_subscription *sub, busd_in body, busd_in qos, const unsigned char *gid, int *fds,
@@ -284,6 +300,7 @@ void subscription_matched(busd_subscription *sub, busd_in body, busd_in qos, con
     const bool is_new = source->number == 0, was_gone = source->is_gone, is_back = source->is_stale;
     const bool is_tap = busd_find_number(body, "is_tap", 0) != 0; /* read now: a callback can replace the received bytes */
     const double lifespan_s = busd_find_real(qos, "lifespan", 0);
+    source->before = was_gone && source->number != NO_NUMBER ? source->number : 0;
     source->number = busd_find_number(body, "other", 0);
     source->clock_ns = busd_find_number(body, "clock_ns", 0);
     source->lifespan_ns = lifespan_s > 0 && lifespan_s < 1e9 ? (uint64_t)(lifespan_s * 1e9) : 0;
@@ -327,6 +344,7 @@ void subscription_unmatched(busd_subscription *sub, busd_in body)
     struct source *source = source_find(sub, busd_find_number(body, "other", 0));
     if (source == NULL || source->is_gone)
         return;
+    source->routed_seq = sizes_min(busd_find_number(body, "last_seq", 0), MAX_SEQ);
     source_finish(sub, source);
     forget_oldest_gone(sub);
     tell(sub->end.node->bus, BUSD_UNMATCHED, &sub->end, "%s has lost a publisher", sub->end.topic);
@@ -360,10 +378,33 @@ void subscription_ring(busd_subscription *sub, busd_in body, const int *fds, uns
 void sources_lost(busd_subscription *sub)
 {
     for (struct source *source = sub->sources; source != NULL; source = source->next) {
+        if (source->seat == NULL && source->missed_seq > source->routed_seq && source->routed_seq > source->last_seq) {
+            /* they were queued for us, and the samples after them are counted */
+            sub->dropped[DISCONNECTED] += source->routed_seq - source->last_seq;
+            sub->away += source->routed_seq - source->last_seq;
+        }
+        source->before = source->routed_seq = 0;
         source->is_stale = !source->is_gone;
         if (source->is_gone)
             source->number = NO_NUMBER;
     }
+}
+
+/* busd has lost this connection before, and the publisher has left meanwhile. Its samples from `first` to `last` were for
+ * us; `first` 0: those after the last one that came were. `last` 0: the publisher may return. */
+void sources_missed(busd_subscription *sub, const unsigned char *gid, uint64_t first, uint64_t last)
+{
+    struct source *source = last == 0 || last > MAX_SEQ || first > last ? NULL : source_of_gid(sub, gid);
+    if (source == NULL)
+        return;
+    if (source->number == 0) { /* new: it is remembered, because busd may repeat the report */
+        source->is_gone = true;
+        source->number = NO_NUMBER;
+    }
+    if (source_position(source) == 0)
+        source->missed_seq = first == 0 ? last : first - 1;
+    count_missed(sub, source, last);
+    forget_oldest_gone(sub);
 }
 
 /* Ends sources that the next busd has not matched again in time. */
