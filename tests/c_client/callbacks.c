@@ -1,7 +1,7 @@
 /* The C side of tests/system/test_c_client_callbacks.py: callbacks that destroy, create and close; bad names. One process is both
  * ends. Prints what has happened; the sanitizers report the rest.
  *
- *     callbacks own|wait|idle|calls|node|close|late|kept|fork|create|names|slots|ping     runs to its end
+ *     callbacks own|wait|idle|calls|many|node|close|late|kept|fork|create|names|slots|ping     runs to its end
  *     callbacks away                               waits for busd's end; a forked child has the socket, too
  *     callbacks again                              creates a publisher when it is connected again
  *     callbacks phantom                            waits for room of a publisher until it is killed
@@ -447,6 +447,50 @@ static void call_in_call(void)
         need(busd_wait(bus, WAIT_MS));
 }
 
+static void count(void *user, busd_server *its_server, const busd_call *call, const busd_message *request)
+{
+    (void)user;
+    (void)its_server;
+    (void)call;
+    (void)request;
+    heard++;
+}
+
+static int has_refused;
+
+static void hear_refusal(void *user, int status, const char *error, const busd_message *response)
+{
+    (void)response;
+    if (status != -EREMOTEIO)
+        return;
+    printf("call %d: %s\n", *(int *)user, error);
+    has_refused = 1;
+}
+
+/* One call more than a server keeps open. */
+static void call_too_often(void)
+{
+    enum { CLIENTS = 11, EACH = 1000, MOST = 10000 };
+    static int numbers[MOST + 1];
+    busd_client *clients[CLIENTS];
+    const example_interfaces__srv__AddTwoInts_Request request = {.a = 1};
+    const busd_service_type *type = &example_interfaces__srv__AddTwoInts__service;
+    make_service(count);
+    for (int i = 0; i < CLIENTS; i++) {
+        need(busd_client_create(node, "/add", type, NULL, &clients[i]));
+        while (busd_client_servers(clients[i]) == 0)
+            need(busd_wait(bus, WAIT_MS));
+    }
+    for (int i = 0; i <= MOST; i++) {
+        numbers[i] = i;
+        need(example_interfaces__srv__AddTwoInts__call(clients[i / EACH], &request, hear_refusal, &numbers[i]));
+        while (i % 100 == 0 && heard <= i)
+            need(busd_wait(bus, WAIT_MS));
+    }
+    while (!has_refused)
+        need(busd_wait(bus, WAIT_MS));
+}
+
 static void show(int status)
 {
     const char *text = busd_error(bus);
@@ -513,51 +557,39 @@ static void destroy_late_ones(void)
         need(busd_wait(bus, 30));
 }
 
+static void end_client_with_calls(void)
+{
+    call_twice();
+    busd_client_destroy(client);
+}
+
+static void close_in_callback(void)
+{
+    make("/t", &BUSD_QOS_DEFAULT, close_it);
+    publish(publisher, "close");
+    wait_for_callback();
+    printf("connected: %d\n", busd_is_connected(bus));
+}
+
+static const struct {
+    const char *name;
+    void (*play)(void);
+} stories[] = {
+    {"own", own}, {"idle", wait_idly}, {"phantom", wait_for_next_busd}, {"wait", wait_and_lose_it},
+    {"calls", end_client_with_calls}, {"many", call_too_often}, {"node", call_twice}, {"close", close_in_callback},
+    {"late", destroy_late_ones}, {"kept", keep}, {"fork", fork_and_go_on}, {"create", create_inside_of_create},
+    {"names", make_with_bad_names}, {"slots", use_all_slots}, {"ping", ping}, {"away", wait_without_busd},
+    {"again", make_again}, {"reply", reply_twice}, {"call", call_in_call},
+};
+
 int main(int argc, char **argv)
 {
     const char *story = argc > 1 ? argv[1] : "";
     need(busd_connect(&bus, NULL, "callbacks \xff"));
     need(busd_node_create(bus, "callbacks", NULL, &node));
-    if (strcmp(story, "own") == 0)
-        own();
-    else if (strcmp(story, "idle") == 0)
-        wait_idly();
-    else if (strcmp(story, "phantom") == 0)
-        wait_for_next_busd();
-    else if (strcmp(story, "wait") == 0)
-        wait_and_lose_it();
-    else if (strcmp(story, "calls") == 0) {
-        call_twice();
-        busd_client_destroy(client);
-    } else if (strcmp(story, "node") == 0)
-        call_twice();
-    else if (strcmp(story, "close") == 0) {
-        make("/t", &BUSD_QOS_DEFAULT, close_it);
-        publish(publisher, "close");
-        wait_for_callback();
-        printf("connected: %d\n", busd_is_connected(bus));
-    } else if (strcmp(story, "late") == 0)
-        destroy_late_ones();
-    else if (strcmp(story, "kept") == 0)
-        keep();
-    else if (strcmp(story, "fork") == 0)
-        fork_and_go_on();
-    else if (strcmp(story, "create") == 0)
-        create_inside_of_create();
-    else if (strcmp(story, "names") == 0)
-        make_with_bad_names();
-    else if (strcmp(story, "slots") == 0)
-        use_all_slots();
-    else if (strcmp(story, "ping") == 0)
-        ping();
-    else if (strcmp(story, "away") == 0)
-        wait_without_busd();
-    else if (strcmp(story, "again") == 0)
-        make_again();
-    else if (strcmp(story, "reply") == 0)
-        reply_twice();
-    else if (strcmp(story, "call") == 0)
-        call_in_call();
+    for (size_t i = 0; i < sizeof stories / sizeof *stories; i++)
+        if (strcmp(story, stories[i].name) == 0)
+            stories[i].play();
     busd_close(bus);
     printf("heard %d in all\n", heard);
     return 0;

@@ -26,6 +26,7 @@ STORIES = {
     "idle": ["full: 1", "idle: 1", "heard 1 in all"],
     "wait": ["full: 1", "wait: 1: the publisher has ended", "heard 1 in all"],
     "calls": [*DESTROYED * 2, "heard 2 in all"],
+    "many": ["call 0: the server has too many open calls", "heard 10001 in all"],
     "node": [*DESTROYED * 2, "heard 2 in all"],
     "close": ["connected: 1", "heard 1 in all"],
     "create": ["soon: 1", "heard 1 in all"],

@@ -439,6 +439,7 @@ bool headroom_claim(busd_bus *bus, uint64_t size, uint64_t whole);
 
 /* names.c */
 bool is_utf8(const char *text);
+void make_utf8(char *text);
 char *topic_name(const busd_node *node, const char *topic);
 int socket_path(char *path, size_t size);
 

@@ -45,6 +45,7 @@
 #define inbox_taken busd__inbox_taken
 #define is_utf8 busd__is_utf8
 #define lose_connection busd__lose_connection
+#define make_utf8 busd__make_utf8
 #define map_drop busd__map_drop
 #define map_use busd__map_use
 #define match_make_lossy busd__match_make_lossy

@@ -210,6 +210,18 @@ void services_close(busd_node *node)
 
 /* --- servers */
 
+/* Ends the oldest call, so that another one has room. */
+static void end_oldest(busd_server *server)
+{
+    struct call *oldest = server->service.calls;
+    while (oldest->next != NULL)
+        oldest = oldest->next;
+    const busd_call id = oldest->id;
+    if (busd_reply_error(server, &id, "the server has too many open calls") < 0
+        && (oldest = call_find(&server->service, &id)) != NULL)
+        call_end(&server->service, oldest); /* its client asks about it, perhaps, and learns that it is lost */
+}
+
 static void hear_request(void *user, const busd_message *taken)
 {
     busd_server *server = user;
@@ -222,12 +234,10 @@ static void hear_request(void *user, const busd_message *taken)
         return;
     }
     server->service.requests++;
-    if (server->service.call_count >= MOST_OPEN) { /* forget the oldest: it counts as lost */
-        struct call *oldest = server->service.calls;
-        while (oldest->next != NULL)
-            oldest = oldest->next;
-        call_end(&server->service, oldest);
-    }
+    if (server->service.call_count >= MOST_OPEN)
+        end_oldest(server);
+    if (server->service.is_closed)
+        return; /* by a callback meanwhile */
     if (call_add(&server->service, &envelope.call) == NULL)
         envelope_publish(server->service.publisher, &envelope.call, "the server has no memory", &nil, 1);
     else
@@ -272,7 +282,13 @@ int busd_reply(busd_server *server, const busd_call *call, const void *body, siz
 
 int busd_reply_error(busd_server *server, const busd_call *call, const char *reason)
 {
-    return reply(server, call, *reason == '\0' ? "failed" : reason, &nil, 1);
+    char *text = strdup(*reason == '\0' ? "failed" : reason);
+    if (text == NULL)
+        return fail(server->service.node->bus, ENOMEM, "no memory");
+    make_utf8(text); /* else the client can't decode the reply, and waits on */
+    const int status = reply(server, call, text, &nil, 1);
+    free(text);
+    return status;
 }
 
 void busd_server_stats(const busd_server *server, busd_service_stats *stats)

@@ -375,8 +375,7 @@ int busd_connect(busd_bus **place, const char *path, const char *program)
     *bus = (busd_bus){.pid = getpid(), .epoll = -1, .sock = -1, .bell = -1, .timer = -1, .readers_fd = -1, .rounds = 1};
     bus->control.end = &bus->control.first;
     snprintf(bus->program, sizeof bus->program, "%s", program != NULL ? program : program_invocation_short_name);
-    for (char *at = bus->program; !is_utf8(bus->program) && *at != '\0'; at++)
-        *at = (*at & 0x80) != 0 ? '?' : *at;
+    make_utf8(bus->program);
     const int length = path == NULL ? socket_path(bus->path, sizeof bus->path) : snprintf(bus->path, sizeof bus->path, "%s", path);
     if (length < 0 || (size_t)length >= sizeof bus->path)
         return fail(bus, ENAMETOOLONG, "the path of the socket is longer than %zu bytes", sizeof bus->path - 1);

@@ -196,8 +196,8 @@ typedef void busd_serve(void *user, busd_server *server, const busd_call *call, 
 int busd_server_create(busd_node *node, const char *name, const busd_service_type *type, const busd_qos *qos,
                        busd_serve *serve, void *user, busd_server **server);
 
-/* Replies to a call, once; or ends it with an error, whose reason the client gets. -ENOENT: it has its reply, or is older
- * than 10,000 other calls without one. */
+/* Replies to a call, once; or ends it with an error, whose reason the client gets; bytes of the reason that are not UTF-8
+ * become `?`. -ENOENT: it has its reply, or has ended with an error, because 10,000 later calls have none. */
 int busd_reply(busd_server *server, const busd_call *call, const void *body, size_t size);
 int busd_reply_error(busd_server *server, const busd_call *call, const char *reason);
 
