@@ -5,7 +5,7 @@
  *     peer relay IN OUT [option ...]         publishes on OUT what comes on IN
  *
  * Options: keep_all, best_effort, latched, best_available, watch (the graph), depth=N, size=N, wait=N, pause_ms=N,
- * hold=N, deadline_ms=N. At its end (SIGTERM) it prints its statistics as JSON.
+ * hold=N, late=N (with hold: takes nothing before N messages are expected), deadline_ms=N. At its end (SIGTERM) it prints its statistics as JSON.
  */
 #include <inttypes.h>
 #include <signal.h>
@@ -20,7 +20,7 @@ static volatile sig_atomic_t has_ended;
 
 static struct options {
     busd_qos qos;
-    unsigned long size, wait, pause_ms, hold;
+    unsigned long size, wait, pause_ms, hold, late;
     int watch;
 } options = {.qos = {.depth = 10}};
 
@@ -75,6 +75,8 @@ static void take_options(char **words)
             options.pause_ms = value(word);
         else if (strncmp(word, "deadline_ms=", 12) == 0)
             options.qos.deadline_ns = (int64_t)value(word) * 1000000;
+        else if (strncmp(word, "late=", 5) == 0)
+            options.late = value(word);
         else if (strncmp(word, "hold=", 5) == 0)
             options.hold = value(word);
         else
@@ -191,7 +193,11 @@ static void hear(void *user, const busd_message *taken)
 static int hold(void)
 {
     busd_message held[MOST_HELD];
+    busd_stats stats = {.expected = 0};
     size_t count = 0;
+    for (; stats.expected < options.late; busd_subscription_stats(subscription, &stats))
+        if (turn(100) < 0)
+            return 0;
     while (turn(100) == 0) {
         busd_message taken;
         while (busd_take(subscription, &taken) == 1) {

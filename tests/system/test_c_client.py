@@ -524,6 +524,28 @@ async def test_a_message_with_the_time_of_its_source(
         await peer.finish()
 
 
+async def test_a_queue_is_bounded_beside_lossless_messages(
+    node: bus.Node, programs: Path, tmp_path: Path
+) -> None:
+    """A lossless message waits in front. The oldest messages of the other publisher are dropped."""
+    words = ("listen", "/t", "keep_all", "hold=1", "late=41")
+    async with peer(programs, tmp_path, *words, BUS_ROUTE="socket") as listener:
+        lossless = await node.create_publisher(String, "/t", KEEP_ALL)
+        lossy = await node.create_publisher(String, "/t", 100)
+        await lossless.wait_for_subscriptions()
+        await lossy.wait_for_subscriptions()
+        await lossless.send(text(1000))
+        for number in range(40):
+            lossy.publish(text(number, LONG))
+            await lossy.flush()
+        await listener.line("^38 ")
+        statistics = await listener.finish()
+    most = c_programs.INBOX_BYTES // LONG
+    assert 2 < len(listener.numbers) <= 1 + most
+    assert [*listener.numbers] == [1000, *range(41 - len(listener.numbers), 40)]
+    assert statistics["lost"] == 41 - len(listener.numbers)
+
+
 @with_limits(lease_s=1)
 async def test_the_memory_of_a_large_message_is_given_back(
     node: bus.Node, programs: Path, tmp_path: Path
