@@ -288,8 +288,27 @@ async def test_another_busd_both_ways(
                 got += numbers(await receive(subscription, 1))
         await relay.line("event 0: connected")
         await relay.finish()
+        matches = [line for line in relay.events() if line.startswith(("event 3: ", "event 4: "))]
+        assert sorted(line.split()[2] for line in matches) == ["/back", "/t"], matches
     assert got == sorted(set(got))
     assert got == [*range(300)]
+
+
+@pytest.mark.landing
+async def test_events_of_matches_that_do_not_return(daemon: Daemon, programs: Path, tmp_path: Path) -> None:
+    """The next busd has ten seconds to make them again."""
+    async with peer(programs, tmp_path, "relay", "/t", "/back") as relay:
+        with RawPeer(daemon.path) as ends:
+            node = ends.hello().node()
+            ends.publisher(node, "/t")
+            ends.subscription(node, "/back")
+            await relay.line("^event 3: /t ")
+            await relay.line("^event 3: /back ")
+            daemon.kill()
+        daemon.restart()
+        await relay.line("^event 4: /t ")
+        await relay.line("^event 4: /back ")
+        await relay.finish()
 
 
 async def test_a_publisher_with_the_number_of_one_that_has_left(

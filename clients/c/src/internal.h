@@ -177,6 +177,7 @@ struct match {
     bool is_bridged;         /* its subscription is on another bus, and a tap takes the samples */
     bool is_stale;           /* busd is away, or is back and has not made it again */
     bool is_over, is_lost;   /* over: its gate stays while anything is pinned. Lost: until its process ends */
+    bool is_told;            /* the program got BUSD_MATCHED, and gets BUSD_UNMATCHED */
 };
 
 struct busd_publisher {
@@ -220,6 +221,7 @@ struct source {
     uint64_t noted;                /* in its rings, see deadlines.c */
     uint64_t history_end;          /* samples before this are history, which the depth leaves alone */
     bool is_by_ring, is_lossless, is_stale, is_gone;
+    bool is_told; /* as in a match */
     /* by ring, while it has a seat */
     struct feed feed;
     struct seat *seat;

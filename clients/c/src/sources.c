@@ -297,7 +297,7 @@ void subscription_matched(busd_subscription *sub, busd_in body, busd_in qos, con
     struct source *source = source_of_gid(sub, gid);
     if (source == NULL)
         return;
-    const bool is_new = source->number == 0, was_gone = source->is_gone, is_back = source->is_stale;
+    const bool is_new = source->number == 0, was_gone = source->is_gone;
     const bool is_tap = busd_find_number(body, "is_tap", 0) != 0; /* read now: a callback can replace the received bytes */
     const double lifespan_s = busd_find_real(qos, "lifespan", 0);
     source->before = was_gone && source->number != NO_NUMBER ? source->number : 0;
@@ -326,17 +326,27 @@ void subscription_matched(busd_subscription *sub, busd_in body, busd_in qos, con
                            (const uint64_t[]){sub->end.id, source->number, source->seat->number});
     }
     report_due(&sub->end);
-    if (!is_tap && !is_back)
-        tell(bus, BUSD_MATCHED, &sub->end, "%s has a publisher by %s", sub->end.topic,
-             source->is_by_ring ? "shared memory" : "socket");
+    if (is_tap || source->is_told)
+        return;
+    source->is_told = true;
+    tell(bus, BUSD_MATCHED, &sub->end, "%s has a publisher by %s", sub->end.topic,
+         source->is_by_ring ? "shared memory" : "socket");
 }
 
-static void source_finish(busd_subscription *sub, struct source *source)
+/* Returns whether the program knows of the match: then tell_unmatched() follows, after which there may be other sources. */
+static bool source_finish(busd_subscription *sub, struct source *source)
 {
+    const bool was_told = source->is_told;
     source->is_gone = true;
-    source->is_stale = false;
+    source->is_stale = source->is_told = false;
     if (source->seat != NULL && feed_finish(&source->feed))
         source_leave(sub, source);
+    return was_told;
+}
+
+static void tell_unmatched(busd_subscription *sub)
+{
+    tell(sub->end.node->bus, BUSD_UNMATCHED, &sub->end, "%s has lost a publisher", sub->end.topic);
 }
 
 void subscription_unmatched(busd_subscription *sub, busd_in body)
@@ -345,9 +355,10 @@ void subscription_unmatched(busd_subscription *sub, busd_in body)
     if (source == NULL || source->is_gone)
         return;
     source->routed_seq = sizes_min(busd_find_number(body, "last_seq", 0), MAX_SEQ);
-    source_finish(sub, source);
+    const bool was_told = source_finish(sub, source);
     forget_oldest_gone(sub);
-    tell(sub->end.node->bus, BUSD_UNMATCHED, &sub->end, "%s has lost a publisher", sub->end.topic);
+    if (was_told)
+        tell_unmatched(sub);
 }
 
 void subscription_rerouted(busd_subscription *sub, uint64_t number)
@@ -410,12 +421,15 @@ void sources_missed(busd_subscription *sub, const unsigned char *gid, uint64_t f
 /* Ends sources that the next busd has not matched again in time. */
 void sources_drop_stale(busd_subscription *sub)
 {
+    unsigned told = 0;
     for (struct source *source = sub->sources; source != NULL; source = source->next) {
         if (!source->is_stale)
             continue;
-        source_finish(sub, source);
+        told += source_finish(sub, source);
         source->number = NO_NUMBER;
     }
+    for (; told > 0; told--)
+        tell_unmatched(sub);
 }
 
 void sources_free(busd_subscription *sub)
