@@ -506,6 +506,8 @@ static void make_with_bad_names(void)
     show(busd_publisher_create(node, "\xed\xa0\x80", type, NULL, &publisher));
     show(busd_publisher_create(node, "~tilde", type, NULL, &publisher));
     need(busd_publisher_create(node, "~/private", type, NULL, &publisher)); /* still connected */
+    const std_msgs__msg__String message = {.data = {"too long", SIZE_MAX}};
+    show(std_msgs__msg__String__publish(publisher, &message));
 }
 
 /* More subscriptions, one after the other, than a process has slots for readers. */

@@ -35,6 +35,7 @@ STORIES = {
         "-22: the name of a topic is not UTF-8",
         "-22: Invalid topic name: topic name must not contain characters other than alphanumerics, "
         "'_', or '/':",
+        "-22: a text, bytes or a list is longer than its type permits, or there is no memory",
         "heard 0 in all",
     ],
     "ping": ["enough: 1", "heard 0 in all"],

@@ -377,7 +377,7 @@ void busd_node_destroy(busd_node *node)
     sweep_unless_in_turn(bus);
 }
 
-/* Fills the members of a new endpoint. 0 or -ENOMEM. */
+/* Fills the members of a new endpoint. 0, -ENOMEM, -EINVAL or -EIO. */
 static int endpoint_begin(struct endpoint *end, busd_node *node, const char *topic, const busd_type *type,
                           const busd_qos *qos, bool is_publisher)
 {

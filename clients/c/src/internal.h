@@ -87,13 +87,14 @@ struct process {
     pid_t pid;
 };
 
-/* A slot of our readers' segment. It is given out again when its match is over and nothing is pinned. */
-struct hold { /* a record pinned by a message that the program holds */
+/* A record pinned by a message that the program holds. */
+struct hold {
     struct seat *seat;
     unsigned pin;
     struct map *map;
 };
 
+/* A slot of our readers' segment. It is given out again when its match is over and nothing is pinned. */
 struct seat {
     busd_bus *bus;
     struct reader_slot *slot;
@@ -393,6 +394,7 @@ static inline int64_t now_ns(void)
 
 /* session.c */
 int fail(busd_bus *bus, int code, const char *form, ...) __attribute__((format(printf, 3, 4)));
+int fail_encoding(busd_bus *bus);
 void tell(busd_bus *bus, busd_event_kind kind, const struct endpoint *end, const char *form, ...)
     __attribute__((format(printf, 4, 5)));
 void set_timer(busd_bus *bus, enum timer timer, int64_t at_ns);

@@ -283,9 +283,11 @@ void publisher_rerouted(busd_publisher *p, busd_in body)
     gate_remove(p, m);
     ring_gates_changed(&p->ring);
     stream_resend(p, busd_find_number(body, "at_ns", 0), busd_find_number(body, "last_seq", 0), m->other);
+    p->socket_matches++; /* before the connection can be lost, which sets it to 0 */
     control_simple(p->end.node->bus, "caught", 2, (const char *const[]){"publisher", "subscription"},
                    (const uint64_t[]){p->end.id, m->other});
-    p->socket_matches++;
+    if (p->end.state != DECLARED)
+        return;
     stream_match(p, (uint64_t)now_ns());
     room_set_hold(p);
     tell(p->end.node->bus, BUSD_ROUTE, &p->end, "%s: a subscription uses the socket now", p->end.topic);

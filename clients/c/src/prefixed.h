@@ -19,6 +19,7 @@
 #define endpoint_free busd__endpoint_free
 #define endpoint_gone busd__endpoint_gone
 #define fail busd__fail
+#define fail_encoding busd__fail_encoding
 #define field_bool busd__field_bool
 #define field_bytes busd__field_bytes
 #define field_number busd__field_number

@@ -277,7 +277,7 @@ static int reply(busd_server *server, const busd_call *id, const char *error, co
 
 int busd_reply(busd_server *server, const busd_call *call, const void *body, size_t size)
 {
-    return reply(server, call, "", body, size);
+    return body == NULL ? fail_encoding(server->service.node->bus) : reply(server, call, "", body, size);
 }
 
 int busd_reply_error(busd_server *server, const busd_call *call, const char *reason)
@@ -402,10 +402,13 @@ int busd_client_call(busd_client *client, const void *body, size_t size, busd_an
     busd_call id;
     if (client->service.is_closed)
         return fail(client->service.node->bus, ECANCELED, "the client was destroyed");
+    if (body == NULL)
+        return fail_encoding(client->service.node->bus);
     if (client->service.call_count >= MOST_PENDING)
         return fail(client->service.node->bus, ENOBUFS, "%u calls of this client have no answer yet, which is the limit",
                     MOST_PENDING);
-    if (client->service.node->bus->is_open && busd_client_servers(client) == 0)
+    const bool is_declared = client->service.publisher->end.state == DECLARED;
+    if (is_declared && busd_client_servers(client) == 0)
         return fail(client->service.node->bus, EHOSTUNREACH, "%s has no server", client->service.publisher->end.topic);
     memcpy(id.client, client->service.publisher->end.gid, sizeof id.client);
     id.number = client->numbers++; /* now, because a callback inside of the publish may call, too */
@@ -415,7 +418,7 @@ int busd_client_call(busd_client *client, const void *body, size_t size, busd_an
     call->answer = callback;
     call->user = user;
     const bool is_bridged = has_bridged_server(&client->service);
-    call->is_unsure = is_bridged || !client->service.node->bus->is_open;
+    call->is_unsure = is_bridged || !is_declared;
     call->ask_ns = is_bridged ? now_ns() + FIRST_PAUSE_NS : 0;
     const int status = envelope_publish(client->service.publisher, &id, NULL, body, size);
     if (status < 0) {

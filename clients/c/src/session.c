@@ -36,6 +36,12 @@ int fail(busd_bus *bus, int code, const char *form, ...)
     return -code;
 }
 
+/* For the headers of types: a message could not be encoded. */
+int fail_encoding(busd_bus *bus)
+{
+    return fail(bus, EINVAL, "a text, bytes or a list is longer than its type permits, or there is no memory");
+}
+
 void tell(busd_bus *bus, busd_event_kind kind, const struct endpoint *end, const char *form, ...)
 {
     char text[600];

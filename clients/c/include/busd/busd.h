@@ -55,7 +55,8 @@ typedef struct busd_qos {
 
 /* Connects to busd. `path` NULL: $BUSD_SOCKET, or the socket of $BUSD_DOMAIN. `program`: its name in `bus top`.
  * *bus is set even if this fails, for busd_error() and busd_close(); it is NULL only for -ENOMEM.
- * Errors: -ENOENT or -ECONNREFUSED without a busd, -EACCES, -ETIMEDOUT, -EPROTO for another protocol version. */
+ * Errors: -ENOENT or -ECONNREFUSED without a busd, -EACCES, -ETIMEDOUT, -EPROTO for another protocol version,
+ * -EAGAIN if busd has ended each connection for 10 s. */
 int busd_connect(busd_bus **bus, const char *path, const char *program);
 
 /* Sends queued samples for up to a second, ends all nodes, and frees everything of the connection. Pending calls of
