@@ -12,6 +12,7 @@ import pytest
 import bus
 import c_programs
 from bus import shm
+from bus.base.descriptor import Descriptor
 from bus.msg.std_msgs import String
 from bus.wire import messages as m
 from c_hostile import HostileBusd
@@ -79,6 +80,17 @@ async def test_a_false_stamp_does_not_cut_its_listener_off(
     assert listener.numbers == [1] * 64
 
 
+def publisher_by_ring(peer: RawPeer) -> tuple[RawRing, m.Attached, Descriptor]:
+    """A publisher on /t, matched by ring: its ring, the match, the doorbell of the other process."""
+    share(peer)
+    raw_ring = RawRing()
+    create_publisher(peer, peer.node(), raw_ring.segment)
+    attached = peer.expect(m.Attached)
+    readers, doorbell = peer.descriptors
+    readers.close()
+    return raw_ring, attached, doorbell
+
+
 @pytest.mark.skipif(not shm.is_available(), reason=shm.why_not())
 async def test_false_numbers_in_a_ring_do_not_cut_its_listener_off(
     node: bus.Node, other: RawPeer, programs: Path, tmp_path: Path
@@ -86,12 +98,7 @@ async def test_false_numbers_in_a_ring_do_not_cut_its_listener_off(
     """The ring is left, its numbers count for nothing, and another publisher of the topic is heard."""
     words = ("listen", "/t", "depth=100")
     async with c_programs.peer(programs, tmp_path, *words) as listener:
-        share(other)
-        hostile = RawRing()
-        create_publisher(other, other.node(), hostile.segment)
-        other.expect(m.Attached)
-        readers, doorbell = other.descriptors
-        readers.close()
+        hostile, _, doorbell = publisher_by_ring(other)
         hostile.publish(1, b"\x91\xa21 ")
         ring(doorbell)
         await listener.line("^1 2 shm")
@@ -106,3 +113,29 @@ async def test_false_numbers_in_a_ring_do_not_cut_its_listener_off(
         await listener.line("^2 ")
         assert await until_reported(node, listener, 2) == {}
         await listener.finish()
+
+
+@pytest.mark.skipif(not shm.is_available(), reason=shm.why_not())
+async def test_the_event_of_a_corrupt_ring_may_create(
+    other: RawPeer, peer: RawPeer, programs: Path, tmp_path: Path
+) -> None:
+    """Creating reads what busd has sent: a match of the same subscription leaves its ring meanwhile."""
+    words = ("listen", "/t", "create")
+    async with c_programs.peer(programs, tmp_path, *words) as listener:
+        hostile, _, doorbell = publisher_by_ring(other)
+        sound, attached, its_doorbell = publisher_by_ring(peer.hello())
+        listener.program.process.send_signal(signal.SIGSTOP)
+        sound.publish(1, b"\x91\xa21 ")
+        hostile.set(hostile.LATEST, 2**63)
+        hostile.set(hostile.OLDEST, 2**63)
+        ring(doorbell)
+        refused = m.RefuseRoute(endpoint=attached.publisher, other=attached.subscription, text="by the test")
+        peer.send(refused)
+        peer.barrier()
+        listener.program.process.send_signal(signal.SIGCONT)
+        await listener.line("^event 6: /t by socket: the ring is corrupt")
+        await listener.line("^created: 0")
+        await listener.line("^1 2 ")
+        await listener.finish()
+        doorbell.close()
+        its_doorbell.close()
