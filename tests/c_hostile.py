@@ -151,6 +151,9 @@ class HostileBusd:
                 message[field] = self._value(ids)
         if tag.startswith("graph"):
             self._add_graph(message, ids)
+        if tag == "dropped":
+            gids = [bytes([source.randrange(5)] * 16) for _ in range(source.randrange(4))]
+            message["missed"] = {gid: [self._number(ids), self._value(ids)] for gid in gids}
         for field in ("endpoint", "publisher", "subscription", "other", "source"):
             message[field] = source.choice([*ids, 7, 8])
         fds = self._descriptors(tag)

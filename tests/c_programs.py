@@ -25,6 +25,9 @@ EMULATOR = os.environ.get("BUSD_TEST_EMULATOR", "")
 """The program that runs the built programs, if the compiler is one for another processor (`make arm`)."""
 SANITIZE = "" if EMULATOR else "-fsanitize=address,undefined -fno-sanitize-recover=undefined"
 FLAGS = ["-Wall", "-Wextra", "-Werror", "-O0", "-g", *("-static" if EMULATOR else SANITIZE).split()]
+INBOX_BYTES = 8 << 20
+"""Most bytes of messages by socket that wait for a subscription, in the library of the tests."""
+LIBRARY_FLAGS = f"-O0 -g -Werror -DINBOX_BYTES={INBOX_BYTES}u"
 MESSAGES = (
     "example_interfaces/srv/AddTwoInts",
     "geometry_msgs/msg/PoseArray",
@@ -62,7 +65,7 @@ def _build(folder: Path) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(header_of(name))
         path.with_suffix(".hpp").write_text(header_of(name, "cpp"))
-    made = (f"BUILD={folder}", f"CC={COMPILER}", f"SANITIZE={SANITIZE}", "CFLAGS=-O0 -g -Werror")
+    made = (f"BUILD={folder}", f"CC={COMPILER}", f"SANITIZE={SANITIZE}", f"CFLAGS={LIBRARY_FLAGS}")
     run("make", "-s", "-C", CLIENT, "-j2", *made)
     for name in ("callbacks", "graph", "peer", "repack", "service"):
         compile_c(folder, SOURCES / f"{name}.c", folder / name)

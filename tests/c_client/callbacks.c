@@ -1,9 +1,11 @@
 /* The C side of tests/system/test_c_client_callbacks.py: callbacks that destroy, create and close; bad names. One process is both
  * ends. Prints what has happened; the sanitizers report the rest.
  *
- *     callbacks own|wait|calls|node|close|late|kept|create|names|slots|ping     runs to its end
+ *     callbacks own|wait|idle|calls|many|node|close|late|kept|fork|create|names|slots|ping     runs to its end
  *     callbacks away                               waits for busd's end; a forked child has the socket, too
  *     callbacks again                              creates a publisher when it is connected again
+ *     callbacks phantom                            waits for room of a publisher until it is killed
+ *     callbacks reply|call                         wait for SIGUSR1 after busd's end, and find it with a reply or a call
  */
 #include <signal.h>
 #include <stdio.h>
@@ -82,7 +84,7 @@ static void destroy_full(void *user, const busd_message *message)
     busd_publisher_destroy(full);
 }
 
-static void wait_and_lose_it(void)
+static void fill(void)
 {
     static char text[100001];
     memset(text, 'x', sizeof text - 1);
@@ -93,13 +95,58 @@ static void wait_and_lose_it(void)
     while ((status = std_msgs__msg__String__publish(full, &message)) == 0)
         need(busd_dispatch(bus));
     printf("full: %d\n", status == -EAGAIN);
+}
+
+static void destroy_subscription(void *user, const busd_message *message)
+{
+    (void)user;
+    (void)message;
+    heard++;
+    busd_subscription_destroy(subscription);
+}
+
+/* The destroyed subscription has a message that waits. It must not keep the publisher's wait awake. */
+static void wait_idly(void)
+{
+    fill();
+    make("/t", &BUSD_QOS_DEFAULT, destroy_subscription);
+    publish(publisher, "one");
+    publish(publisher, "two");
+    const clock_t begin = clock();
+    need(busd_publisher_wait(full, 1000));
+    printf("idle: %d\n", clock() - begin < CLOCKS_PER_SEC / 2);
+}
+
+static void make_phantom(void *user, const busd_event *event)
+{
+    (void)user;
+    if (event->kind == BUSD_DISCONNECTED)
+        printf("phantom: %d\n",
+               busd_publisher_create(node, "/phantom", &std_msgs__msg__String__type, NULL, &publisher) == -ENOTCONN);
+    fflush(stdout);
+}
+
+/* During the wait, the next busd gets everything declared again. */
+static void wait_for_next_busd(void)
+{
+    fill();
+    busd_on_event(bus, make_phantom, NULL);
+    printf("ready\n");
+    fflush(stdout);
+    need(busd_publisher_wait(full, -1));
+}
+
+static void wait_and_lose_it(void)
+{
+    fill();
     make("/t", &BUSD_QOS_DEFAULT, destroy_full);
     publish(publisher, "end it");
-    status = busd_publisher_wait(full, WAIT_MS);
+    const int status = busd_publisher_wait(full, WAIT_MS);
     printf("wait: %d: %s\n", status == -EPIPE, busd_error(bus));
 }
 
 static void ask(void);
+static void make_service(busd_serve *its_serve);
 
 static void hear(void *user, int status, const char *error, const busd_message *response)
 {
@@ -119,22 +166,17 @@ static void ask(void)
         printf("call: %s\n", busd_error(bus));
 }
 
-static void serve(void *user, busd_server *server, const busd_call *call, const busd_message *request)
+static void serve(void *user, busd_server *its_server, const busd_call *call, const busd_message *request)
 {
     (void)user;
-    (void)server;
+    (void)its_server;
     (void)call;
     (void)request;
 }
 
 static void call_twice(void)
 {
-    busd_server *server;
-    const busd_service_type *type = &example_interfaces__srv__AddTwoInts__service;
-    need(busd_server_create(node, "/add", type, NULL, serve, NULL, &server));
-    need(busd_client_create(node, "/add", type, NULL, &client));
-    while (busd_client_servers(client) == 0)
-        need(busd_wait(bus, WAIT_MS));
+    make_service(serve);
     ask();
     ask();
 }
@@ -162,6 +204,59 @@ static void keep(void)
     need(std_msgs__msg__String__decode(&kept, &message, NULL));
     printf("%.*s\n", (int)message.data.size, message.data.data);
     busd_release(&kept);
+}
+
+static void take(busd_message *message)
+{
+    int count;
+    while ((count = busd_take(subscription, message)) == 0)
+        need(busd_wait(bus, WAIT_MS));
+    need(count);
+}
+
+/* A message by ring is long, so that it stays in the ring. */
+static void publish_long(char letter)
+{
+    static char text[20001];
+    memset(text, letter, sizeof text - 1);
+    publish(publisher, text);
+}
+
+static void end_in_child(busd_message *kept)
+{
+    busd_release(kept);
+    busd_client_destroy(client);
+    busd_subscription_destroy(subscription);
+    busd_publisher_destroy(publisher);
+    busd_node_destroy(node);
+    busd_close(bus);
+    fflush(stdout);
+    _exit(0);
+}
+
+/* The child ends everything. The parent's message stays in place, and its endpoints continue. */
+static void fork_and_go_on(void)
+{
+    busd_message kept, taken;
+    call_twice();
+    make("/t", &BUSD_QOS_DEFAULT, NULL);
+    publish_long('k');
+    take(&kept);
+    fflush(stdout);
+    const pid_t child = fork();
+    if (child == 0)
+        end_in_child(&kept);
+    waitpid(child, NULL, 0);
+    for (int i = 0; i < 1000; i++) { /* around the ring many times */
+        publish_long('x');
+        take(&taken);
+        busd_release(&taken);
+    }
+    std_msgs__msg__String message;
+    need(std_msgs__msg__String__decode(&kept, &message, NULL));
+    printf("kept: %d\n", message.data.data[0] == 'k' && message.data.data[message.data.size - 1] == 'k');
+    busd_release(&kept);
+    busd_client_destroy(client);
 }
 
 static int64_t now_ms(void)
@@ -240,6 +335,162 @@ static void create_inside_of_create(void)
     printf("soon: %d\n", now_ms() - begin < 5000);
 }
 
+/* Waits for SIGUSR1, which says that busd has ended. The library has not seen it yet. */
+static void wait_for_end(void)
+{
+    sigset_t signals;
+    int number;
+    sigemptyset(&signals);
+    sigaddset(&signals, SIGUSR1);
+    sigprocmask(SIG_BLOCK, &signals, NULL);
+    printf("ready\n");
+    fflush(stdout);
+    sigwait(&signals, &number);
+}
+
+static busd_server *server;
+static busd_call open_call;
+
+static void keep_call(void *user, busd_server *its_server, const busd_call *call, const busd_message *request)
+{
+    (void)user;
+    (void)its_server;
+    (void)request;
+    open_call = *call;
+    heard++;
+}
+
+static void make_service(busd_serve *its_serve)
+{
+    const busd_service_type *type = &example_interfaces__srv__AddTwoInts__service;
+    need(busd_server_create(node, "/add", type, NULL, its_serve, NULL, &server));
+    need(busd_client_create(node, "/add", type, NULL, &client));
+    while (busd_client_servers(client) == 0)
+        need(busd_wait(bus, WAIT_MS));
+}
+
+static int reply_to_it(void)
+{
+    const example_interfaces__srv__AddTwoInts_Response response = {.sum = 3};
+    return example_interfaces__srv__AddTwoInts__reply(server, &open_call, &response);
+}
+
+static void reply_in_event(void *user, const busd_event *event)
+{
+    (void)user;
+    if (event->kind == BUSD_DISCONNECTED)
+        printf("reply in the event: %d\n", reply_to_it());
+}
+
+static void hear_end(void *user, int status, const char *error, const busd_message *response)
+{
+    (void)user;
+    (void)status;
+    (void)error;
+    (void)response;
+}
+
+/* The reply finds that busd has ended. Its event replies to the same call. */
+static void reply_twice(void)
+{
+    const example_interfaces__srv__AddTwoInts_Request request = {.a = 1};
+    make_service(keep_call);
+    need(example_interfaces__srv__AddTwoInts__call(client, &request, hear_end, NULL));
+    wait_for_callback();
+    wait_for_end();
+    busd_on_event(bus, reply_in_event, NULL);
+    printf("reply: %d\n", reply_to_it());
+    busd_service_stats stats;
+    busd_server_stats(server, &stats);
+    printf("responses %d, open %u\n", (int)stats.responses, stats.open);
+}
+
+static void serve_sum(void *user, busd_server *its_server, const busd_call *call, const busd_message *taken)
+{
+    example_interfaces__srv__AddTwoInts_Request request;
+    (void)user;
+    need(example_interfaces__srv__AddTwoInts_Request__decode(taken, &request, NULL));
+    const example_interfaces__srv__AddTwoInts_Response response = {.sum = request.a};
+    need(example_interfaces__srv__AddTwoInts__reply(its_server, call, &response));
+}
+
+static void hear_sum(void *user, int status, const char *error, const busd_message *taken)
+{
+    example_interfaces__srv__AddTwoInts_Response response = {.sum = status};
+    (void)error;
+    if (taken != NULL)
+        need(example_interfaces__srv__AddTwoInts_Response__decode(taken, &response, NULL));
+    printf("%s: %d\n", (const char *)user, (int)response.sum);
+    fflush(stdout);
+    heard++;
+}
+
+static void call_in_event(void *user, const busd_event *event)
+{
+    const example_interfaces__srv__AddTwoInts_Request request = {.a = 2};
+    (void)user;
+    if (event->kind == BUSD_DISCONNECTED)
+        need(example_interfaces__srv__AddTwoInts__call(client, &request, hear_sum, "second"));
+}
+
+/* The call finds that busd has ended. Its event calls, too. */
+static void call_in_call(void)
+{
+    const example_interfaces__srv__AddTwoInts_Request request = {.a = 1};
+    make_service(serve_sum);
+    wait_for_end();
+    busd_on_event(bus, call_in_event, NULL);
+    need(example_interfaces__srv__AddTwoInts__call(client, &request, hear_sum, "first"));
+    printf("called\n");
+    fflush(stdout);
+    while (heard < 2)
+        need(busd_wait(bus, WAIT_MS));
+}
+
+static void count(void *user, busd_server *its_server, const busd_call *call, const busd_message *request)
+{
+    (void)user;
+    (void)its_server;
+    (void)call;
+    (void)request;
+    heard++;
+}
+
+static int has_refused;
+
+static void hear_refusal(void *user, int status, const char *error, const busd_message *response)
+{
+    (void)response;
+    if (status != -EREMOTEIO)
+        return;
+    printf("call %d: %s\n", *(int *)user, error);
+    has_refused = 1;
+}
+
+/* One call more than a server keeps open. */
+static void call_too_often(void)
+{
+    enum { CLIENTS = 11, EACH = 1000, MOST = 10000 };
+    static int numbers[MOST + 1];
+    busd_client *clients[CLIENTS];
+    const example_interfaces__srv__AddTwoInts_Request request = {.a = 1};
+    const busd_service_type *type = &example_interfaces__srv__AddTwoInts__service;
+    make_service(count);
+    for (int i = 0; i < CLIENTS; i++) {
+        need(busd_client_create(node, "/add", type, NULL, &clients[i]));
+        while (busd_client_servers(clients[i]) == 0)
+            need(busd_wait(bus, WAIT_MS));
+    }
+    for (int i = 0; i <= MOST; i++) {
+        numbers[i] = i;
+        need(example_interfaces__srv__AddTwoInts__call(clients[i / EACH], &request, hear_refusal, &numbers[i]));
+        while (i % 100 == 0 && heard <= i)
+            need(busd_wait(bus, WAIT_MS));
+    }
+    while (!has_refused)
+        need(busd_wait(bus, WAIT_MS));
+}
+
 static void show(int status)
 {
     const char *text = busd_error(bus);
@@ -255,6 +506,8 @@ static void make_with_bad_names(void)
     show(busd_publisher_create(node, "\xed\xa0\x80", type, NULL, &publisher));
     show(busd_publisher_create(node, "~tilde", type, NULL, &publisher));
     need(busd_publisher_create(node, "~/private", type, NULL, &publisher)); /* still connected */
+    const std_msgs__msg__String message = {.data = {"too long", SIZE_MAX}};
+    show(std_msgs__msg__String__publish(publisher, &message));
 }
 
 /* More subscriptions, one after the other, than a process has slots for readers. */
@@ -306,41 +559,39 @@ static void destroy_late_ones(void)
         need(busd_wait(bus, 30));
 }
 
+static void end_client_with_calls(void)
+{
+    call_twice();
+    busd_client_destroy(client);
+}
+
+static void close_in_callback(void)
+{
+    make("/t", &BUSD_QOS_DEFAULT, close_it);
+    publish(publisher, "close");
+    wait_for_callback();
+    printf("connected: %d\n", busd_is_connected(bus));
+}
+
+static const struct {
+    const char *name;
+    void (*play)(void);
+} stories[] = {
+    {"own", own}, {"idle", wait_idly}, {"phantom", wait_for_next_busd}, {"wait", wait_and_lose_it},
+    {"calls", end_client_with_calls}, {"many", call_too_often}, {"node", call_twice}, {"close", close_in_callback},
+    {"late", destroy_late_ones}, {"kept", keep}, {"fork", fork_and_go_on}, {"create", create_inside_of_create},
+    {"names", make_with_bad_names}, {"slots", use_all_slots}, {"ping", ping}, {"away", wait_without_busd},
+    {"again", make_again}, {"reply", reply_twice}, {"call", call_in_call},
+};
+
 int main(int argc, char **argv)
 {
     const char *story = argc > 1 ? argv[1] : "";
     need(busd_connect(&bus, NULL, "callbacks \xff"));
     need(busd_node_create(bus, "callbacks", NULL, &node));
-    if (strcmp(story, "own") == 0)
-        own();
-    else if (strcmp(story, "wait") == 0)
-        wait_and_lose_it();
-    else if (strcmp(story, "calls") == 0) {
-        call_twice();
-        busd_client_destroy(client);
-    } else if (strcmp(story, "node") == 0)
-        call_twice();
-    else if (strcmp(story, "close") == 0) {
-        make("/t", &BUSD_QOS_DEFAULT, close_it);
-        publish(publisher, "close");
-        wait_for_callback();
-        printf("connected: %d\n", busd_is_connected(bus));
-    } else if (strcmp(story, "late") == 0)
-        destroy_late_ones();
-    else if (strcmp(story, "kept") == 0)
-        keep();
-    else if (strcmp(story, "create") == 0)
-        create_inside_of_create();
-    else if (strcmp(story, "names") == 0)
-        make_with_bad_names();
-    else if (strcmp(story, "slots") == 0)
-        use_all_slots();
-    else if (strcmp(story, "ping") == 0)
-        ping();
-    else if (strcmp(story, "away") == 0)
-        wait_without_busd();
-    else if (strcmp(story, "again") == 0)
-        make_again();
+    for (size_t i = 0; i < sizeof stories / sizeof *stories; i++)
+        if (strcmp(story, stories[i].name) == 0)
+            stories[i].play();
     busd_close(bus);
     printf("heard %d in all\n", heard);
     return 0;

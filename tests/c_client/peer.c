@@ -4,8 +4,9 @@
  *     peer listen TOPIC [option ...]         prints "NUMBER SIZE ROUTE" of each message
  *     peer relay IN OUT [option ...]         publishes on OUT what comes on IN
  *
- * Options: keep_all, best_effort, latched, best_available, watch (the graph), depth=N, size=N, wait=N, pause_ms=N,
- * hold=N, deadline_ms=N. At its end (SIGTERM) it prints its statistics as JSON.
+ * Options: keep_all, best_effort, latched, best_available, watch (the graph), create (a publisher, in the event of a lost
+ * route), depth=N, size=N, wait=N, pause_ms=N, hold=N, late=N (with hold: takes nothing before N messages are expected),
+ * deadline_ms=N. At its end (SIGTERM) it prints its statistics as JSON.
  */
 #include <inttypes.h>
 #include <signal.h>
@@ -20,11 +21,12 @@ static volatile sig_atomic_t has_ended;
 
 static struct options {
     busd_qos qos;
-    unsigned long size, wait, pause_ms, hold;
-    int watch;
+    unsigned long size, wait, pause_ms, hold, late;
+    int watch, create;
 } options = {.qos = {.depth = 10}};
 
 static busd_bus *bus;
+static busd_node *node;
 static busd_publisher *publisher;
 static busd_subscription *subscription;
 
@@ -38,6 +40,9 @@ static void report(void *user, const busd_event *event)
 {
     (void)user;
     printf("event %d: %s\n", (int)event->kind, event->text);
+    busd_publisher *more;
+    if (options.create && event->kind == BUSD_ROUTE)
+        printf("created: %d\n", busd_publisher_create(node, "/more", &std_msgs__msg__String__type, NULL, &more));
     fflush(stdout);
 }
 
@@ -63,6 +68,8 @@ static void take_options(char **words)
             options.qos.durability = BUSD_TRANSIENT_LOCAL;
         else if (strcmp(word, "best_available") == 0)
             options.qos.durability = BUSD_BEST_AVAILABLE;
+        else if (strcmp(word, "create") == 0)
+            options.create = 1;
         else if (strcmp(word, "watch") == 0)
             options.watch = 1;
         else if (strncmp(word, "depth=", 6) == 0)
@@ -75,6 +82,8 @@ static void take_options(char **words)
             options.pause_ms = value(word);
         else if (strncmp(word, "deadline_ms=", 12) == 0)
             options.qos.deadline_ns = (int64_t)value(word) * 1000000;
+        else if (strncmp(word, "late=", 5) == 0)
+            options.late = value(word);
         else if (strncmp(word, "hold=", 5) == 0)
             options.hold = value(word);
         else
@@ -191,7 +200,11 @@ static void hear(void *user, const busd_message *taken)
 static int hold(void)
 {
     busd_message held[MOST_HELD];
+    busd_stats stats = {.expected = 0};
     size_t count = 0;
+    for (; stats.expected < options.late; busd_subscription_stats(subscription, &stats))
+        if (turn(100) < 0)
+            return 0;
     while (turn(100) == 0) {
         busd_message taken;
         while (busd_take(subscription, &taken) == 1) {
@@ -220,7 +233,6 @@ static void relay(void *user, const busd_message *taken)
 
 int main(int argc, char **argv)
 {
-    busd_node *node;
     (void)argc;
     signal(SIGTERM, end);
     const char *role = argv[1];

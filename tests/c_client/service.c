@@ -1,6 +1,6 @@
 /* The C side of tests/system/test_c_client_services.py.
  *
- *     service serve NAME      adds; fails for a negative `a`; replies to `a` 1000 only with the next request
+ *     service serve NAME      adds; fails for a negative `a`, for -2 with bytes that are not UTF-8; replies to `a` 1000 only with the next request
  *     service call NAME A...  calls with each A and b = 1, one after the other, and prints the answers
  *     service away NAME       calls while busd is away
  */
@@ -46,7 +46,9 @@ static void serve(void *user, busd_server *server, const busd_call *call, const 
         later.is_there = 0;
         send_reply(server, &later.call, later.sum);
     }
-    if (request.a < 0) {
+    if (request.a == -2) {
+        busd_reply_error(server, call, "caf\xe9, tr\xc3\xa8s \xe2\x82");
+    } else if (request.a < 0) {
         busd_reply_error(server, call, "a is negative");
     } else if (request.a == 1000) {
         later.call = *call;

@@ -2,6 +2,7 @@
 
 import asyncio
 import mmap
+import resource
 import signal
 from pathlib import Path
 
@@ -13,9 +14,12 @@ from bus import shm
 from bus.msg.std_msgs import String
 from bus.shm import segments
 from c_programs import peer
+from chaos.proxy import Proxy
 from conftest import Daemon
 from neighbours import with_limits
 from programs import running_command
+from raw_peer import RawPeer, data
+from raw_peer import text as record
 from semantics import KEEP_ALL, LATCHED, node, until, until_busd_has_all
 
 __all__ = ["node"]
@@ -42,6 +46,10 @@ def memory_bytes(pid: int) -> int:
     """The resident memory of a process."""
     pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
     return pages * mmap.PAGESIZE
+
+
+def descriptors_of(pid: int) -> set[int]:
+    return {int(link.name) for link in Path(f"/proc/{pid}/fd").iterdir()}
 
 
 async def receive(subscription: bus.Subscription[String], count: int) -> list[String]:
@@ -209,6 +217,26 @@ async def test_held_messages_stay_as_they_are(
     assert not [line for line in listener.program.lines if "broken" in line]
 
 
+@pytest.mark.skipif(not shm.is_available(), reason=shm.why_not())
+async def test_a_listener_without_a_free_descriptor_wakes_its_publisher(
+    node: bus.Node, programs: Path, tmp_path: Path
+) -> None:
+    """It has room for the two descriptors of the match, and for none more."""
+    async with peer(programs, tmp_path, "listen", "/t", "keep_all") as listener:
+        pid = listener.program.process.pid
+        used = descriptors_of(pid)
+        second = [number for number in range(len(used) + 2) if number not in used][1]
+        before = resource.prlimit(pid, resource.RLIMIT_NOFILE)
+        resource.prlimit(pid, resource.RLIMIT_NOFILE, (second + 1, before[1]))
+        publisher = await node.create_publisher(String, "/t", KEEP_ALL)
+        await publisher.wait_for_subscriptions()
+        for number in range(MANY):
+            await publisher.send(text(number, 2000))
+        await listener.line(f"^{MANY - 1} 2000 shm$")
+        resource.prlimit(pid, resource.RLIMIT_NOFILE, before)
+        await listener.finish()
+
+
 @pytest.mark.parametrize("role", ["listen", "talk"])
 async def test_a_killed_peer_leaves_the_graph_and_blocks_nothing(
     node: bus.Node, programs: Path, tmp_path: Path, route: str, role: str
@@ -260,8 +288,56 @@ async def test_another_busd_both_ways(
                 got += numbers(await receive(subscription, 1))
         await relay.line("event 0: connected")
         await relay.finish()
+        matches = [line for line in relay.events() if line.startswith(("event 3: ", "event 4: "))]
+        assert sorted(line.split()[2] for line in matches) == ["/back", "/t"], matches
     assert got == sorted(set(got))
     assert got == [*range(300)]
+
+
+@pytest.mark.landing
+async def test_events_of_matches_that_do_not_return(daemon: Daemon, programs: Path, tmp_path: Path) -> None:
+    """The next busd has ten seconds to make them again."""
+    async with peer(programs, tmp_path, "relay", "/t", "/back") as relay:
+        with RawPeer(daemon.path) as ends:
+            node = ends.hello().node()
+            ends.publisher(node, "/t")
+            ends.subscription(node, "/back")
+            await relay.line("^event 3: /t ")
+            await relay.line("^event 3: /back ")
+            daemon.kill()
+        daemon.restart()
+        await relay.line("^event 4: /t ")
+        await relay.line("^event 4: /back ")
+        await relay.finish()
+
+
+async def test_a_publisher_with_the_number_of_one_that_has_left(
+    daemon: Daemon, programs: Path, tmp_path: Path
+) -> None:
+    """The numbers of the next busd begin at 1 again, and the listener remembers publishers that have left."""
+    async with peer(programs, tmp_path, "listen", "/t", "keep_all") as listener:
+        with RawPeer(daemon.path) as stays, RawPeer(daemon.path) as leaves:
+            stays.hello().write(data(stays.publisher(stays.node(), "/t", gid=b"s" * 16).id, record("1 ")))
+            await listener.line("^1 ")
+            node = leaves.hello().node()
+            for _ in range(20):
+                leaves.publisher(node, "/other")
+            left = leaves.publisher(node, "/t").id
+            leaves.write(data(left, record("2 ") * 5, count=5))
+            await until(lambda: listener.numbers == [1, *[2] * 5])
+            leaves.close()
+            await listener.line("^event 4: ")
+            daemon.kill()
+        daemon.restart()
+        await listener.line("^event 0: ")
+        with RawPeer(daemon.path) as stays:
+            node = stays.hello().node()
+            while stays.publisher(node, "/other").id < left - 1:
+                pass
+            assert stays.publisher(node, "/t", gid=b"s" * 16, next_seq=2).id == left
+            stays.write(data(left, record("3 "), first_seq=2))
+            await listener.line("^3 ")
+        await listener.finish()
 
 
 async def test_an_orderly_restart_loses_nothing(
@@ -381,6 +457,65 @@ async def test_the_account_of_a_stopped_subscription_closes(
     assert listener.numbers == sorted(set(listener.numbers))
 
 
+@pytest.mark.parametrize("leaves", ["before", "after"])
+async def test_the_account_closes_without_the_publisher_of_a_lost_connection(
+    daemon: Daemon, node: bus.Node, programs: Path, tmp_path: Path, route: str, leaves: str
+) -> None:
+    """The publisher leaves before or after busd cuts off the stopped process, and busd tells the rest."""
+    path = tmp_path / "proxy.sock"
+    with Proxy(path, daemon.path) as proxy:
+        async with peer(programs, tmp_path, "listen", "/t", "depth=1000", BUSD_SOCKET=str(path)) as listener:
+            publisher = await node.create_publisher(String, "/t", 1000)
+            await publisher.wait_for_subscriptions()
+            publisher.publish(text(0))
+            await listener.line("^0 ")
+            listener.program.process.send_signal(signal.SIGSTOP)
+            for number in range(1, 31):
+                publisher.publish(text(number, 20_000))
+                await publisher.flush()
+            if leaves == "before":
+                await publisher.close()
+            await node.graph()  # busd has read all that
+            proxy.hang_up()
+            while len((await node.graph()).nodes) > 1:  # noqa: ASYNC110
+                await asyncio.sleep(0.01)
+            if leaves == "after":
+                for number in range(31, 41):
+                    publisher.publish(text(number, 20_000))
+                await publisher.flush()
+                await publisher.close()
+            listener.program.process.send_signal(signal.SIGCONT)
+            while not (await node.graph()).subscriptions_of("/t"):  # noqa: ASYNC110
+                await asyncio.sleep(0.01)
+            await until_account(node, "/t", 31 if leaves == "before" else 41)
+            await listener.finish()
+
+
+async def test_the_samples_of_a_publisher_that_breaks_and_returns_count_once(
+    daemon: Daemon, node: bus.Node, programs: Path, tmp_path: Path
+) -> None:
+    """It returns under another number while its samples wait in busd for the stopped listener."""
+    async with peer(programs, tmp_path, "listen", "/t", "depth=1000") as listener:
+        with RawPeer(daemon.path) as first, RawPeer(daemon.path) as second:
+            number = first.hello().publisher(first.node(), "/t", gid=b"s" * 16).id
+            first.write(data(number, record("1 ")))
+            await listener.line("^1 ")
+            listener.program.process.send_signal(signal.SIGSTOP)
+            for seq in range(2, 31):
+                first.write(data(number, record("2 " + "x" * 20_000), first_seq=seq))
+            first.barrier()
+            first.close()
+            number = second.hello().publisher(second.node(), "/t", gid=b"s" * 16, next_seq=36).id
+            second.write(data(number, record("3 "), first_seq=36))
+            second.barrier()
+            listener.program.process.send_signal(signal.SIGCONT)
+            await listener.line("^3 ")
+            await until_account(node, "/t", 36)
+            statistics = await listener.finish()
+    assert listener.numbers == [1, *[2] * 29, 3]
+    assert (statistics["samples"], statistics["lost"]) == (31, 5)
+
+
 async def test_expired_messages_are_not_delivered(
     node: bus.Node, programs: Path, tmp_path: Path, route: str
 ) -> None:
@@ -406,6 +541,28 @@ async def test_a_message_with_the_time_of_its_source(
         publisher.publish_encoded(b"\x91\xa27 ", source_time_ns=1_700_000_000_000_000_000)
         await peer.line(f"^7 2 {route}$")
         await peer.finish()
+
+
+async def test_a_queue_is_bounded_beside_lossless_messages(
+    node: bus.Node, programs: Path, tmp_path: Path
+) -> None:
+    """A lossless message waits in front. The oldest messages of the other publisher are dropped."""
+    words = ("listen", "/t", "keep_all", "hold=1", "late=41")
+    async with peer(programs, tmp_path, *words, BUS_ROUTE="socket") as listener:
+        lossless = await node.create_publisher(String, "/t", KEEP_ALL)
+        lossy = await node.create_publisher(String, "/t", 100)
+        await lossless.wait_for_subscriptions()
+        await lossy.wait_for_subscriptions()
+        await lossless.send(text(1000))
+        for number in range(40):
+            lossy.publish(text(number, LONG))
+            await lossy.flush()
+        await listener.line("^38 ")
+        statistics = await listener.finish()
+    most = c_programs.INBOX_BYTES // LONG
+    assert 2 < len(listener.numbers) <= 1 + most
+    assert [*listener.numbers] == [1000, *range(41 - len(listener.numbers), 40)]
+    assert statistics["lost"] == 41 - len(listener.numbers)
 
 
 @with_limits(lease_s=1)

@@ -1,12 +1,18 @@
 """Callbacks of the C client that destroy, create and close, by both routes, with the sanitizers."""
 
+import asyncio
+import signal
 from pathlib import Path
 
 import pytest
 
+import bus
 import c_programs
 from conftest import Daemon
 from programs import running_command
+from semantics import node
+
+__all__ = ["node"]
 
 
 @pytest.fixture(scope="session")
@@ -17,8 +23,10 @@ def programs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 DESTROYED = ["answer 1: the client was destroyed", "call: the client was destroyed"]
 STORIES = {
     "own": ["size 5, first byte 145", "heard 1", "heard 1 in all"],
+    "idle": ["full: 1", "idle: 1", "heard 1 in all"],
     "wait": ["full: 1", "wait: 1: the publisher has ended", "heard 1 in all"],
     "calls": [*DESTROYED * 2, "heard 2 in all"],
+    "many": ["call 0: the server has too many open calls", "heard 10001 in all"],
     "node": [*DESTROYED * 2, "heard 2 in all"],
     "close": ["connected: 1", "heard 1 in all"],
     "create": ["soon: 1", "heard 1 in all"],
@@ -27,11 +35,13 @@ STORIES = {
         "-22: the name of a topic is not UTF-8",
         "-22: Invalid topic name: topic name must not contain characters other than alphanumerics, "
         "'_', or '/':",
+        "-22: a text, bytes or a list is longer than its type permits, or there is no memory",
         "heard 0 in all",
     ],
     "ping": ["enough: 1", "heard 0 in all"],
     "late": ["missed 1 by the publisher", "heard 1 in all"],
     "kept": ["kept", "heard 0 in all"],
+    "fork": ["kept: 1", *DESTROYED * 2, "heard 2 in all"],
 }
 
 
@@ -70,3 +80,45 @@ async def test_the_event_of_a_new_connection_may_create(
         daemon.restart()
         await program.line(f"^matched, by ring {int(route == 'shm')}$")
         assert await program.end() == 0, program.lines
+
+
+async def test_an_endpoint_that_was_not_created_is_not_declared_later(
+    daemon: Daemon, node: bus.Node, programs: Path, tmp_path: Path
+) -> None:
+    async with running_command(tmp_path, programs / "callbacks", "phantom") as program:
+        await program.line("^ready$")
+        daemon.kill()
+        await program.line("^phantom: 1$")
+        daemon.restart()
+        topics: set[str] = set()
+        while "/full" not in topics:
+            await asyncio.sleep(0.02)
+            try:
+                topics = {one.topic for one in (await node.graph()).publishers}
+            except bus.errors.BusError:
+                pass  # it is not connected again
+        assert "/phantom" not in topics
+
+
+async def test_a_reply_inside_of_a_reply(daemon: Daemon, programs: Path, tmp_path: Path) -> None:
+    """By socket, the reply finds that busd has ended. Its event replies to the same call."""
+    command = (programs / "callbacks", "reply")
+    async with running_command(tmp_path, *command, BUS_ROUTE="socket") as program:
+        await program.line("^ready$")
+        daemon.kill()
+        program.process.send_signal(signal.SIGUSR1)
+        assert await program.end() == 0, program.lines
+    assert program.lines[1:4] == ["reply in the event: 0", "reply: 0", "responses 1, open 0"]
+
+
+async def test_a_call_inside_of_a_call(daemon: Daemon, programs: Path, tmp_path: Path) -> None:
+    """By socket, the call finds that busd has ended. Its event calls, too; each call gets its answer."""
+    command = (programs / "callbacks", "call")
+    async with running_command(tmp_path, *command, BUS_ROUTE="socket") as program:
+        await program.line("^ready$")
+        daemon.kill()
+        program.process.send_signal(signal.SIGUSR1)
+        await program.line("^called$")
+        daemon.restart()
+        assert await program.end() == 0, program.lines
+    assert sorted(program.lines[2:4]) == ["first: 1", "second: 2"]

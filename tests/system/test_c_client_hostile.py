@@ -1,4 +1,7 @@
-"""The C client and a hostile busd: no message, run or memory makes it crash, hang or leak."""
+"""The C client and a hostile busd: no message, run or memory makes it crash, hang or leak.
+
+A hostile publisher harms only its own topic.
+"""
 
 import asyncio
 import signal
@@ -6,9 +9,20 @@ from pathlib import Path
 
 import pytest
 
+import bus
 import c_programs
+from bus import shm
+from bus.base.descriptor import Descriptor
+from bus.msg.std_msgs import String
+from bus.wire import messages as m
 from c_hostile import HostileBusd
+from feeding import frame_record
 from programs import on_one_loop
+from raw_peer import RawPeer, data
+from raw_sharing import RawRing, create_publisher, ring, share
+from semantics import node
+
+__all__ = ["node"]
 
 CONNECTIONS = 40
 FRAMES = 60
@@ -37,3 +51,91 @@ async def test_nonsense_does_no_harm(programs: Path, tmp_path: Path, socket_path
         busd.close()
     assert busd.faults > 0
     assert sum(line.startswith("event 1: ") for line in peer.program.lines) >= CONNECTIONS - 1
+
+
+async def until_reported(node: bus.Node, listener: c_programs.Peer, count: int) -> dict[str, int]:
+    """Wait until busd knows that the listener has taken so many messages. Returns its losses.
+
+    It stays connected.
+    """
+    while True:
+        (one,) = (await node.graph(statistics=True)).subscriptions_of("/t")
+        assert not [line for line in listener.events() if line.startswith("event 1: ")]
+        if one.statistics is not None and one.statistics.samples == count:
+            return dict(one.statistics.dropped)
+        await asyncio.sleep(0.02)
+
+
+@pytest.mark.parametrize("stamp_ns", [-(2**62), -(2**63)])
+async def test_a_false_stamp_does_not_cut_its_listener_off(
+    node: bus.Node, other: RawPeer, programs: Path, tmp_path: Path, stamp_ns: int
+) -> None:
+    """busd accepts no age above 2^62 - 1 ns in a report."""
+    publisher = other.publisher(other.node(), "/t").id
+    async with c_programs.peer(programs, tmp_path, "listen", "/t", "keep_all") as listener:
+        records = frame_record(b"\x91\xa21 ", stamp_ns) * 64
+        other.write(data(publisher, records, count=64))
+        await until_reported(node, listener, 64)
+        await listener.finish()
+    assert listener.numbers == [1] * 64
+
+
+def publisher_by_ring(peer: RawPeer) -> tuple[RawRing, m.Attached, Descriptor]:
+    """A publisher on /t, matched by ring: its ring, the match, the doorbell of the other process."""
+    share(peer)
+    raw_ring = RawRing()
+    create_publisher(peer, peer.node(), raw_ring.segment)
+    attached = peer.expect(m.Attached)
+    readers, doorbell = peer.descriptors
+    readers.close()
+    return raw_ring, attached, doorbell
+
+
+@pytest.mark.skipif(not shm.is_available(), reason=shm.why_not())
+async def test_false_numbers_in_a_ring_do_not_cut_its_listener_off(
+    node: bus.Node, other: RawPeer, programs: Path, tmp_path: Path
+) -> None:
+    """The ring is left, its numbers count for nothing, and another publisher of the topic is heard."""
+    words = ("listen", "/t", "depth=100")
+    async with c_programs.peer(programs, tmp_path, *words) as listener:
+        hostile, _, doorbell = publisher_by_ring(other)
+        hostile.publish(1, b"\x91\xa21 ")
+        ring(doorbell)
+        await listener.line("^1 2 shm")
+        hostile.set(hostile.LATEST, 2**63)
+        hostile.set(hostile.OLDEST, 2**63)
+        ring(doorbell)
+        doorbell.close()
+        await listener.line("^event 6: /t by socket: the ring is corrupt")
+        publisher = await node.create_publisher(String, "/t", 10)
+        await publisher.wait_for_subscriptions()
+        publisher.publish(String(data="2 "))
+        await listener.line("^2 ")
+        assert await until_reported(node, listener, 2) == {}
+        await listener.finish()
+
+
+@pytest.mark.skipif(not shm.is_available(), reason=shm.why_not())
+async def test_the_event_of_a_corrupt_ring_may_create(
+    other: RawPeer, peer: RawPeer, programs: Path, tmp_path: Path
+) -> None:
+    """Creating reads what busd has sent: a match of the same subscription leaves its ring meanwhile."""
+    words = ("listen", "/t", "create")
+    async with c_programs.peer(programs, tmp_path, *words) as listener:
+        hostile, _, doorbell = publisher_by_ring(other)
+        sound, attached, its_doorbell = publisher_by_ring(peer.hello())
+        listener.program.process.send_signal(signal.SIGSTOP)
+        sound.publish(1, b"\x91\xa21 ")
+        hostile.set(hostile.LATEST, 2**63)
+        hostile.set(hostile.OLDEST, 2**63)
+        ring(doorbell)
+        refused = m.RefuseRoute(endpoint=attached.publisher, other=attached.subscription, text="by the test")
+        peer.send(refused)
+        peer.barrier()
+        listener.program.process.send_signal(signal.SIGCONT)
+        await listener.line("^event 6: /t by socket: the ring is corrupt")
+        await listener.line("^created: 0")
+        await listener.line("^1 2 ")
+        await listener.finish()
+        doorbell.close()
+        its_doorbell.close()

@@ -53,6 +53,18 @@ async def test_a_server_in_c(node: bus.Node, service: Path, tmp_path: Path, rout
     assert server.lines[-1] == "requests 203 responses 203 errors 1 late 0 open 0 matches 1"
 
 
+async def test_a_reason_in_c_that_is_not_utf8(
+    node: bus.Node, programs: Path, tmp_path: Path, route: str
+) -> None:
+    client = await node.create_client(AddTwoInts, "/add")
+    async with running_command(tmp_path, programs / "service", "serve", "/add") as server:
+        await client.wait_for_service()
+        with pytest.raises(bus.ServiceError, match=r"caf\?, très \?\?"):
+            await client.call(AddTwoInts.Request(a=-2, b=2))
+        server.process.send_signal(signal.SIGTERM)
+        assert await server.end() == 0
+
+
 async def test_a_client_in_c(node: bus.Node, service: Path, tmp_path: Path, route: str) -> None:
     async with running_command(tmp_path, service, "call", "/add", "1", "-1", "3") as client:
         await client.line("/add/_request has no server")

@@ -178,22 +178,24 @@ static void field_qos(busd_out *out, const busd_qos *qos)
     }
 }
 
-/* The last number received from a source, by any route; 0: none. */
-static uint64_t source_position(const struct source *source)
+/* Positions of sources that have not left, or that have. At most `left` of them; returns how many more would fit. */
+static size_t put_positions(busd_out *out, const busd_subscription *sub, bool are_gone, size_t left)
 {
-    return source->seat != NULL ? source->feed.ring.next - 1 : source->last_seq;
+    for (const struct source *source = sub->sources; source != NULL && left > 0; source = source->next) {
+        if (source_position(source) == 0 || source->is_gone != are_gone)
+            continue;
+        busd_put_bytes(out, source->gid, sizeof source->gid);
+        busd_put_uint(out, source_position(source));
+        left--;
+    }
+    return left;
 }
 
 static void field_last_seqs(busd_out *out, const busd_subscription *sub, size_t known)
 {
     busd_put_text(out, "last_seqs", strlen("last_seqs"));
     busd_put_map(out, known);
-    for (const struct source *source = sub->sources; source != NULL; source = source->next) {
-        if (source_position(source) == 0)
-            continue;
-        busd_put_bytes(out, source->gid, sizeof source->gid);
-        busd_put_uint(out, source_position(source));
-    }
+    put_positions(out, sub, true, put_positions(out, sub, false, known));
 }
 
 /* Asks busd for a publisher or subscription of a declared node. */
@@ -205,7 +207,7 @@ int declare_endpoint(struct endpoint *end)
     size_t known = 0;
     busd_out out;
     for (const struct source *source = s != NULL ? s->sources : NULL; source != NULL; source = source->next)
-        known += source_position(source) != 0;
+        known += source_position(source) != 0 && known < MOST_LAST_SEQS;
     declare_type(end);
     const bool has_ring = p != NULL && p->fd >= 0;
     const bool takes_history = s != NULL && end->qos.durability == BUSD_BEST_AVAILABLE; /* beside the durability volatile */
@@ -281,10 +283,10 @@ void answer_take(busd_bus *bus, busd_in body, bool is_created)
         if (is_refused && waiting == NULL)
             tell(bus, BUSD_REFUSED, NULL, "node %s: %s", node->name, bus->error);
         for (busd_publisher *p = bus->publishers; p != NULL; p = p->next)
-            if (p->end.node == node && p->end.state == UNDECLARED && is_created)
+            if (p->end.node == node && p->end.state == UNDECLARED && !p->end.is_closed && is_created)
                 declare_again(&p->end);
         for (busd_subscription *s = bus->subscriptions; s != NULL; s = s->next)
-            if (s->end.node == node && s->end.state == UNDECLARED && is_created)
+            if (s->end.node == node && s->end.state == UNDECLARED && !s->end.is_closed && is_created)
                 declare_again(&s->end);
         return;
     }
@@ -340,8 +342,7 @@ void busd_publisher_destroy(busd_publisher *publisher)
     if (publisher == NULL)
         return;
     busd_bus *bus = publisher->end.node->bus;
-    if (bus->pid == getpid())
-        flush(bus);
+    flush(bus);
     end_endpoint(&publisher->end);
     sweep_unless_in_turn(bus);
 }
@@ -376,7 +377,7 @@ void busd_node_destroy(busd_node *node)
     sweep_unless_in_turn(bus);
 }
 
-/* Fills the members of a new endpoint. 0 or -ENOMEM. */
+/* Fills the members of a new endpoint. 0, -ENOMEM, -EINVAL or -EIO. */
 static int endpoint_begin(struct endpoint *end, busd_node *node, const char *topic, const busd_type *type,
                           const busd_qos *qos, bool is_publisher)
 {

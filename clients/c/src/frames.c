@@ -221,9 +221,11 @@ static bool send_current(busd_bus *bus)
     return true;
 }
 
-/* Sends what the socket takes. */
+/* Sends what the socket takes. After a fork, the child sends nothing: the socket is the parent's. */
 void flush(busd_bus *bus)
 {
+    if (bus->pid != getpid())
+        return;
     bus->is_blocked = false;
     while (bus->sock >= 0) {
         if (bus->current == NULL && !bus->is_leaving)

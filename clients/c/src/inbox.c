@@ -37,21 +37,24 @@ void sample_free(busd_subscription *sub, struct sample *sample)
 /* Memory of a sample, which for a short one is mostly its head. */
 static size_t sample_bytes(const struct sample *sample) { return sizeof *sample + sample->room; }
 
-/* Takes the oldest sample out of the queue, which is not empty. */
-struct sample *inbox_pop(busd_subscription *sub)
+/* Takes a sample out of the queue; `at` points to it there. */
+static struct sample *take_out(busd_subscription *sub, struct sample **at)
 {
-    struct sample *sample = sub->first;
-    if ((sub->first = sample->next) == NULL)
-        sub->last = &sub->first;
+    struct sample *sample = *at;
+    if ((*at = sample->next) == NULL)
+        sub->last = at;
     sub->queued--;
     sub->queued_bytes -= sample_bytes(sample);
     sub->queued_replays -= sample->is_replay;
     return sample;
 }
 
-static void drop_oldest(busd_subscription *sub, enum reason reason)
+/* Takes the oldest sample out of the queue, which is not empty. */
+struct sample *inbox_pop(busd_subscription *sub) { return take_out(sub, &sub->first); }
+
+static void drop(busd_subscription *sub, struct sample **at, enum reason reason)
 {
-    struct sample *sample = inbox_pop(sub);
+    struct sample *sample = take_out(sub, at);
     sub->dropped[reason]++;
     inbox_taken(sub, sample);
     sample_free(sub, sample);
@@ -59,6 +62,15 @@ static void drop_oldest(busd_subscription *sub, enum reason reason)
 
 /* Whether the sample must not be lost. Its publisher sends at most a window without acknowledgements. */
 static bool is_kept(const struct sample *sample) { return sample->source != NULL && sample->source->is_lossless; }
+
+/* The oldest sample that may be lost; NULL: there is none. */
+static struct sample **oldest_lossy(busd_subscription *sub)
+{
+    struct sample **at = &sub->first;
+    while (*at != NULL && is_kept(*at))
+        at = &(*at)->next;
+    return *at == NULL ? NULL : at;
+}
 
 /* Adds a sample. Above the bounds, the oldest samples are dropped. History does not count against the depth. */
 void inbox_add(busd_subscription *sub, struct sample *sample)
@@ -70,9 +82,9 @@ void inbox_add(busd_subscription *sub, struct sample *sample)
     sub->queued_bytes += sample_bytes(sample);
     sub->queued_replays += sample->is_replay;
     while (sub->depth != 0 && sub->queued - sub->queued_replays > sub->depth)
-        drop_oldest(sub, REPLACED);
-    while (sub->queued_bytes > INBOX_BYTES && sub->queued > 1 && !is_kept(sub->first))
-        drop_oldest(sub, MEMORY_LIMIT);
+        drop(sub, &sub->first, REPLACED);
+    for (struct sample **at; sub->queued_bytes > INBOX_BYTES && sub->queued > 1 && (at = oldest_lossy(sub)) != NULL;)
+        drop(sub, at, MEMORY_LIMIT);
 }
 
 /* Adds the samples of a run, without those that came before. `body`: after the frame's first 8 bytes. 0, -EPROTO

@@ -62,7 +62,10 @@
 #define RUN_HEAD_BYTES 32u
 #define RECORD_BYTES 12u
 #define COPY_BYTES 4096u                 /* shorter payloads are copied out of a ring, longer ones pinned */
+#ifndef INBOX_BYTES                      /* the tests' is smaller */
 #define INBOX_BYTES (256u << 20)         /* most bytes of samples by socket that wait for a subscription */
+#endif
+#define MOST_LAST_SEQS 1024u             /* positions that busd takes with a subscription */
 #define MOST_GONE 128u                   /* publishers that have left, and are remembered */
 
 /* --- memory */
@@ -84,13 +87,14 @@ struct process {
     pid_t pid;
 };
 
-/* A slot of our readers' segment. It is given out again when its match is over and nothing is pinned. */
-struct hold { /* a record pinned by a message that the program holds */
+/* A record pinned by a message that the program holds. */
+struct hold {
     struct seat *seat;
     unsigned pin;
     struct map *map;
 };
 
+/* A slot of our readers' segment. It is given out again when its match is over and nothing is pinned. */
 struct seat {
     busd_bus *bus;
     struct reader_slot *slot;
@@ -174,6 +178,7 @@ struct match {
     bool is_bridged;         /* its subscription is on another bus, and a tap takes the samples */
     bool is_stale;           /* busd is away, or is back and has not made it again */
     bool is_over, is_lost;   /* over: its gate stays while anything is pinned. Lost: until its process ends */
+    bool is_told;            /* the program got BUSD_MATCHED, and gets BUSD_UNMATCHED */
 };
 
 struct busd_publisher {
@@ -200,18 +205,24 @@ struct busd_publisher {
 enum reason { REPLACED, PUBLISHER_QUEUE, EXPIRED, MEMORY_LIMIT, TOO_LARGE, UNDECODABLE, DISCONNECTED, OTHER, REASONS };
 extern const char *const reason_names[REASONS];
 
+#define NO_NUMBER UINT64_MAX /* of a source that has left an earlier busd. 0: of a new source */
+
 /* A publisher, as a subscription sees it. */
 struct source {
     struct source *next;
     unsigned char gid[16];
     uint64_t number, lifespan_ns;
     uint64_t clock_ns;             /* lead of the publisher's clock over ours, modulo 2^64 */
+    uint64_t before;               /* its number at this busd before it returned; 0: none */
     uint64_t last_seq;             /* received */
+    uint64_t routed_seq;           /* after its end: up to here, busd still delivers the samples, or reports their drops */
+    uint64_t missed_seq;           /* missing samples up to here are counted */
     uint64_t taken_seq, acked_seq; /* by socket */
     uint64_t unacked_bytes;
     uint64_t noted;                /* in its rings, see deadlines.c */
     uint64_t history_end;          /* samples before this are history, which the depth leaves alone */
     bool is_by_ring, is_lossless, is_stale, is_gone;
+    bool is_told; /* as in a match */
     /* by ring, while it has a seat */
     struct feed feed;
     struct seat *seat;
@@ -383,6 +394,7 @@ static inline int64_t now_ns(void)
 
 /* session.c */
 int fail(busd_bus *bus, int code, const char *form, ...) __attribute__((format(printf, 3, 4)));
+int fail_encoding(busd_bus *bus);
 void tell(busd_bus *bus, busd_event_kind kind, const struct endpoint *end, const char *form, ...)
     __attribute__((format(printf, 4, 5)));
 void set_timer(busd_bus *bus, enum timer timer, int64_t at_ns);
@@ -433,6 +445,7 @@ bool headroom_claim(busd_bus *bus, uint64_t size, uint64_t whole);
 
 /* names.c */
 bool is_utf8(const char *text);
+void make_utf8(char *text);
 char *topic_name(const busd_node *node, const char *topic);
 int socket_path(char *path, size_t size);
 
@@ -470,15 +483,19 @@ void stream_lost(busd_publisher *publisher);
 uint64_t stream_next_seq(busd_publisher *publisher);
 
 /* sources.c */
-void subscription_matched(busd_subscription *sub, busd_in body, busd_in qos, const unsigned char *gid, const int *fds,
+void subscription_matched(busd_subscription *sub, busd_in body, busd_in qos, const unsigned char *gid, int *fds,
                           unsigned count);
 void subscription_unmatched(busd_subscription *sub, busd_in body);
 void subscription_rerouted(busd_subscription *sub, uint64_t number);
 void subscription_ring(busd_subscription *sub, busd_in body, const int *fds, unsigned count);
 struct source *source_find(const busd_subscription *sub, uint64_t number);
+uint64_t source_position(const struct source *source);
+void sources_missed(busd_subscription *sub, const unsigned char *gid, uint64_t first, uint64_t last);
 struct source *source_oldest(busd_subscription *sub);
 void source_leave(busd_subscription *sub, struct source *source);
+void source_leave_corrupt(busd_subscription *sub, struct source *source, const struct ring_reader *before);
 void source_show_cursor(struct source *source);
+void sources_lost(busd_subscription *sub);
 void sources_drop_stale(busd_subscription *sub);
 void sources_free(busd_subscription *sub);
 void seat_release(struct seat *seat);

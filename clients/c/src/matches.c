@@ -98,13 +98,28 @@ void match_make_lossy(busd_publisher *p, struct match *m)
     gate_update(p, m);
 }
 
-/* Forgets matches that are over, once nothing of them is pinned or their process has ended. */
+/* Tells of a match, once until it is over. */
+static void tell_matched(busd_publisher *p, struct match *m, const char *place)
+{
+    if (m->is_told || m->is_tap)
+        return;
+    m->is_told = true;
+    tell(p->end.node->bus, BUSD_MATCHED, &p->end, "%s has a subscription %s", p->end.topic, place);
+}
+
+/* Forgets matches that are over, once nothing of them is pinned or their process has ended. Then tells that they are over:
+ * that may change the matches. */
 void matches_sweep(busd_publisher *p)
 {
     busd_bus *bus = p->end.node->bus;
+    unsigned told = 0;
     for (struct match **at = &p->matches, *m; (m = *at) != NULL;) {
         if (bus->sock < 0 && m->process != NULL && has_ended(m->process))
             m->is_over = true;
+        if (m->is_over && m->is_told) {
+            m->is_told = false;
+            told++;
+        }
         const struct ring_gate *gate = m->process == NULL ? NULL : gates_find(&p->ring.gates, m->key);
         if (!m->is_over || (gate != NULL && (m->is_lost || gate_has_pins(gate)) && !has_ended(m->process))) {
             if (m->is_over)
@@ -117,6 +132,8 @@ void matches_sweep(busd_publisher *p)
         free(m);
         room_set_hold(p);
     }
+    for (; told > 0; told--)
+        tell(bus, BUSD_UNMATCHED, &p->end, "%s has lost a subscription", p->end.topic);
 }
 
 static void match_end(busd_publisher *p, struct match *m, bool is_lost)
@@ -131,17 +148,17 @@ static void match_end(busd_publisher *p, struct match *m, bool is_lost)
 /* Ends matches that the next busd has not made again in time. */
 void matches_drop_stale(busd_publisher *p)
 {
-    bool has_ended = false;
+    bool has_dropped = false;
     for (struct match *m = p->matches; m != NULL; m = m->next) {
         if (!m->is_stale || m->is_over)
             continue;
         match_end(p, m, true);
-        has_ended = true;
+        has_dropped = true;
     }
-    matches_sweep(p);
     room_set_hold(p);
-    if (has_ended)
+    if (has_dropped)
         services_matched(p, false);
+    matches_sweep(p);
 }
 
 void matches_free(busd_publisher *p)
@@ -204,9 +221,8 @@ void publisher_matched(busd_publisher *p, busd_in body, busd_in qos, const unsig
     room_set_hold(p);
     if (m->is_by_ring || m->is_tap) /* by ring, it begins to work with Attached; a tap is no server */
         return;
-    const char *place = m->is_bridged ? "on another bus" : "by socket";
+    tell_matched(p, m, m->is_bridged ? "on another bus" : "by socket");
     services_matched(p, true);
-    tell(p->end.node->bus, BUSD_MATCHED, &p->end, "%s has a subscription %s", p->end.topic, place);
 }
 
 /* Returns the fault because of which the match can't share memory; NULL: it has a gate. */
@@ -240,9 +256,8 @@ const char *publisher_attached(busd_publisher *p, busd_in body, int fds[2], unsi
     ring_doorbells(p, true);
     if (m->is_tap)
         return NULL; /* it is no server */
+    tell_matched(p, m, "by shared memory");
     services_matched(p, true);
-    if (before == NULL)
-        tell(bus, BUSD_MATCHED, &p->end, "%s has a subscription by shared memory", p->end.topic);
     return NULL;
 }
 
@@ -251,13 +266,10 @@ void publisher_unmatched(busd_publisher *p, busd_in body)
     struct match *m = match_find(p, busd_find_number(body, "other", 0));
     if (m == NULL)
         return;
-    const bool is_tap = m->is_tap;
     match_end(p, m, busd_find_number(body, "lost", 0) != 0);
-    matches_sweep(p);
     room_set_hold(p);
     services_matched(p, false);
-    if (!is_tap)
-        tell(p->end.node->bus, BUSD_UNMATCHED, &p->end, "%s has lost a subscription", p->end.topic);
+    matches_sweep(p);
 }
 
 /* The subscription has left the ring, and gets everything else by socket. */
@@ -271,9 +283,11 @@ void publisher_rerouted(busd_publisher *p, busd_in body)
     gate_remove(p, m);
     ring_gates_changed(&p->ring);
     stream_resend(p, busd_find_number(body, "at_ns", 0), busd_find_number(body, "last_seq", 0), m->other);
+    p->socket_matches++; /* before the connection can be lost, which sets it to 0 */
     control_simple(p->end.node->bus, "caught", 2, (const char *const[]){"publisher", "subscription"},
                    (const uint64_t[]){p->end.id, m->other});
-    p->socket_matches++;
+    if (p->end.state != DECLARED)
+        return;
     stream_match(p, (uint64_t)now_ns());
     room_set_hold(p);
     tell(p->end.node->bus, BUSD_ROUTE, &p->end, "%s: a subscription uses the socket now", p->end.topic);

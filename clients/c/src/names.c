@@ -5,22 +5,33 @@
 
 #include "internal.h"
 
-/* Whether a text is UTF-8. busd ends a connection that sends another text. */
-bool is_utf8(const char *text)
+/* The first byte of the first sequence that is not UTF-8; NULL: there is none. */
+static const char *bad_byte(const char *text)
 {
     const unsigned char *at = (const unsigned char *)text;
     while (*at != 0) {
+        const char *begin = (const char *)at;
         const unsigned first = *at++;
         const int more = first < 0x80 ? 0 : first < 0xc2 ? -1 : first < 0xe0 ? 1 : first < 0xf0 ? 2 : first < 0xf5 ? 3 : -1;
         const unsigned least = first == 0xe0 ? 0xa0 : first == 0xf0 ? 0x90 : 0x80;
         const unsigned most = first == 0xed ? 0x9f : first == 0xf4 ? 0x8f : 0xbf;
         if (more < 0 || (more > 0 && (*at < least || *at > most)))
-            return false;
+            return begin;
         for (int i = 0; i < more; i++)
             if ((*at++ & 0xc0) != 0x80)
-                return false;
+                return begin;
     }
-    return true;
+    return NULL;
+}
+
+/* Whether a text is UTF-8. busd ends a connection that sends another text. */
+bool is_utf8(const char *text) { return bad_byte(text) == NULL; }
+
+/* Replaces each byte that is not UTF-8. */
+void make_utf8(char *text)
+{
+    for (const char *bad = text; (bad = bad_byte(bad)) != NULL;)
+        text[bad - text] = '?';
 }
 
 /* The full name of a relative, private (~) or absolute topic; NULL: no memory. */

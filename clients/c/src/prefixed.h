@@ -19,6 +19,7 @@
 #define endpoint_free busd__endpoint_free
 #define endpoint_gone busd__endpoint_gone
 #define fail busd__fail
+#define fail_encoding busd__fail_encoding
 #define field_bool busd__field_bool
 #define field_bytes busd__field_bytes
 #define field_number busd__field_number
@@ -45,6 +46,7 @@
 #define inbox_taken busd__inbox_taken
 #define is_utf8 busd__is_utf8
 #define lose_connection busd__lose_connection
+#define make_utf8 busd__make_utf8
 #define map_drop busd__map_drop
 #define map_use busd__map_use
 #define match_make_lossy busd__match_make_lossy
@@ -87,7 +89,6 @@
 #define segment_seal busd__segment_seal
 #define send_run busd__send_run
 #define service_free busd__service_free
-#define services_ask busd__services_ask
 #define services_close busd__services_close
 #define services_look busd__services_look
 #define services_absent busd__services_absent
@@ -97,10 +98,14 @@
 #define socket_path busd__socket_path
 #define source_find busd__source_find
 #define source_leave busd__source_leave
+#define source_leave_corrupt busd__source_leave_corrupt
 #define source_oldest busd__source_oldest
+#define source_position busd__source_position
 #define source_show_cursor busd__source_show_cursor
 #define sources_drop_stale busd__sources_drop_stale
 #define sources_free busd__sources_free
+#define sources_lost busd__sources_lost
+#define sources_missed busd__sources_missed
 #define stream_credit busd__stream_credit
 #define stream_flush busd__stream_flush
 #define stream_has_room busd__stream_has_room

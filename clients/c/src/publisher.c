@@ -23,7 +23,7 @@ static int check(busd_publisher *p, uint64_t size)
 
 int busd_loan(busd_publisher *p, size_t size, void **place)
 {
-    int status = check(p, size);
+    int status = place == NULL ? fail_encoding(p->end.node->bus) : check(p, size);
     status = status == 0 ? room_reserve(p, size, place) : status;
     p->loan = status == 0 ? size : 0;
     return status;

@@ -43,6 +43,12 @@ static unsigned dropped_here(const busd_subscription *sub, uint64_t dropped[REAS
     return count;
 }
 
+/* Bounded, as busd ends the connection for a larger number. A broken publisher can make a sum so large. */
+static void field_count(busd_out *out, const char *key, uint64_t count)
+{
+    field_number(out, key, sizes_min(count, MAX_SEQ));
+}
+
 static void report_subscription(busd_bus *bus, busd_subscription *sub)
 {
     uint64_t dropped[REASONS];
@@ -57,13 +63,13 @@ static void report_subscription(busd_bus *bus, busd_subscription *sub)
     field_number(&out, "endpoint", sub->end.id);
     field_number(&out, "samples", stats.samples);
     field_number(&out, "bytes", stats.bytes);
-    field_number(&out, "queued", stats.queued);
+    field_count(&out, "queued", stats.queued);
     busd_put_text(&out, "dropped", strlen("dropped"));
     busd_put_map(&out, reasons);
     for (int i = 0; i < REASONS; i++)
         if (dropped[i] != 0)
-            field_number(&out, reason_names[i], dropped[i]);
-    field_number(&out, "expected", stats.expected - sub->received - by_busd);
+            field_count(&out, reason_names[i], dropped[i]);
+    field_count(&out, "expected", stats.expected - sub->received - by_busd);
     field_number(&out, "repeated", sub->repeated);
     field_number(&out, "at_ns", (uint64_t)now_ns());
     field_number(&out, "age_count", sub->age_count);
@@ -124,11 +130,30 @@ void report_last(struct endpoint *end)
         report_one(end);
 }
 
+/* Samples of publishers that have left while this connection was lost: the first and the last number, by gid. */
+static void take_missed(busd_subscription *sub, busd_in body)
+{
+    busd_in map;
+    busd_item head, gid;
+    if (!busd_find(body, "missed", &map) || !busd_get_item(&map, &head) || head.kind != BUSD_MAP)
+        return;
+    for (uint64_t left = head.number; left > 0 && busd_get_item(&map, &gid); left--) {
+        if (gid.kind != BUSD_BYTES_ITEM || gid.number != 16 || !busd_get_array(&map, 2))
+            return;
+        const uint64_t first = busd_get_uint(&map, UINT64_MAX), last = busd_get_uint(&map, UINT64_MAX);
+        if (map.failed)
+            return;
+        sources_missed(sub, gid.bytes, first, last);
+    }
+    report_due(&sub->end);
+}
+
 /* Dropped: busd's totals of the samples that it dropped for a subscription. */
 void report_dropped(busd_subscription *sub, busd_in body)
 {
     busd_in map;
     busd_item head, reason, count;
+    take_missed(sub, body);
     if (!busd_find(body, "dropped", &map) || !busd_get_item(&map, &head) || head.kind != BUSD_MAP)
         return;
     memset(sub->dropped_by_busd, 0, sizeof sub->dropped_by_busd);

@@ -7,6 +7,7 @@
  */
 #include <stdio.h>
 #include <stdlib.h>
+#include <unistd.h>
 
 #include "internal.h"
 
@@ -173,7 +174,7 @@ static void service_destroy(struct service *service)
     service->is_closed = true; /* an answer can't begin another call now */
     busd_bus *bus = service->node->bus;
     bus->turns++; /* one sweep at the end; and answers may destroy, too */
-    if (service->is_client)
+    if (service->is_client && bus->pid == getpid()) /* after a fork, the calls are the parent's */
         end_calls(service, -ECANCELED, "the client was destroyed");
     busd_subscription_destroy(service->subscription);
     busd_publisher_destroy(service->publisher);
@@ -209,6 +210,18 @@ void services_close(busd_node *node)
 
 /* --- servers */
 
+/* Ends the oldest call, so that another one has room. */
+static void end_oldest(busd_server *server)
+{
+    struct call *oldest = server->service.calls;
+    while (oldest->next != NULL)
+        oldest = oldest->next;
+    const busd_call id = oldest->id;
+    if (busd_reply_error(server, &id, "the server has too many open calls") < 0
+        && (oldest = call_find(&server->service, &id)) != NULL)
+        call_end(&server->service, oldest); /* its client asks about it, perhaps, and learns that it is lost */
+}
+
 static void hear_request(void *user, const busd_message *taken)
 {
     busd_server *server = user;
@@ -221,12 +234,10 @@ static void hear_request(void *user, const busd_message *taken)
         return;
     }
     server->service.requests++;
-    if (server->service.call_count >= MOST_OPEN) { /* forget the oldest: it counts as lost */
-        struct call *oldest = server->service.calls;
-        while (oldest->next != NULL)
-            oldest = oldest->next;
-        call_end(&server->service, oldest);
-    }
+    if (server->service.call_count >= MOST_OPEN)
+        end_oldest(server);
+    if (server->service.is_closed)
+        return; /* by a callback meanwhile */
     if (call_add(&server->service, &envelope.call) == NULL)
         envelope_publish(server->service.publisher, &envelope.call, "the server has no memory", &nil, 1);
     else
@@ -255,7 +266,8 @@ static int reply(busd_server *server, const busd_call *id, const char *error, co
     if (call == NULL)
         return fail(server->service.node->bus, ENOENT, "this call has its reply already");
     const int status = envelope_publish(server->service.publisher, id, error, body, size);
-    if (status == 0) {
+    call = call_find(&server->service, id); /* the loss of the connection has a callback, which may reply, too */
+    if (status == 0 && call != NULL) {
         call_end(&server->service, call);
         server->service.responses++;
         server->service.errors += *error != '\0';
@@ -265,12 +277,18 @@ static int reply(busd_server *server, const busd_call *id, const char *error, co
 
 int busd_reply(busd_server *server, const busd_call *call, const void *body, size_t size)
 {
-    return reply(server, call, "", body, size);
+    return body == NULL ? fail_encoding(server->service.node->bus) : reply(server, call, "", body, size);
 }
 
 int busd_reply_error(busd_server *server, const busd_call *call, const char *reason)
 {
-    return reply(server, call, *reason == '\0' ? "failed" : reason, &nil, 1);
+    char *text = strdup(*reason == '\0' ? "failed" : reason);
+    if (text == NULL)
+        return fail(server->service.node->bus, ENOMEM, "no memory");
+    make_utf8(text); /* else the client can't decode the reply, and waits on */
+    const int status = reply(server, call, text, &nil, 1);
+    free(text);
+    return status;
 }
 
 void busd_server_stats(const busd_server *server, busd_service_stats *stats)
@@ -381,30 +399,34 @@ static void look_at(busd_bus *bus, int64_t at_ns)
 
 int busd_client_call(busd_client *client, const void *body, size_t size, busd_answer *callback, void *user)
 {
-    busd_call id = {.number = client->numbers};
+    busd_call id;
     if (client->service.is_closed)
         return fail(client->service.node->bus, ECANCELED, "the client was destroyed");
+    if (body == NULL)
+        return fail_encoding(client->service.node->bus);
     if (client->service.call_count >= MOST_PENDING)
         return fail(client->service.node->bus, ENOBUFS, "%u calls of this client have no answer yet, which is the limit",
                     MOST_PENDING);
-    if (client->service.node->bus->is_open && busd_client_servers(client) == 0)
+    const bool is_declared = client->service.publisher->end.state == DECLARED;
+    if (is_declared && busd_client_servers(client) == 0)
         return fail(client->service.node->bus, EHOSTUNREACH, "%s has no server", client->service.publisher->end.topic);
     memcpy(id.client, client->service.publisher->end.gid, sizeof id.client);
+    id.number = client->numbers++; /* now, because a callback inside of the publish may call, too */
     struct call *call = call_add(&client->service, &id);
     if (call == NULL)
         return fail(client->service.node->bus, ENOMEM, "no memory");
     call->answer = callback;
     call->user = user;
     const bool is_bridged = has_bridged_server(&client->service);
-    call->is_unsure = is_bridged || !client->service.node->bus->is_open;
+    call->is_unsure = is_bridged || !is_declared;
     call->ask_ns = is_bridged ? now_ns() + FIRST_PAUSE_NS : 0;
     const int status = envelope_publish(client->service.publisher, &id, NULL, body, size);
     if (status < 0) {
-        if ((call = call_find(&client->service, &id)) != NULL)
-            call_end(&client->service, call);
+        if ((call = call_find(&client->service, &id)) == NULL)
+            return 0; /* a callback has ended it, with its answer */
+        call_end(&client->service, call);
         return status;
     }
-    client->numbers++;
     client->service.requests++;
     if (is_bridged)
         look_at(client->service.node->bus, now_ns() + FIRST_PAUSE_NS);

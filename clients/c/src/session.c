@@ -36,6 +36,12 @@ int fail(busd_bus *bus, int code, const char *form, ...)
     return -code;
 }
 
+/* For the headers of types: a message could not be encoded. */
+int fail_encoding(busd_bus *bus)
+{
+    return fail(bus, EINVAL, "a text, bytes or a list is longer than its type permits, or there is no memory");
+}
+
 void tell(busd_bus *bus, busd_event_kind kind, const struct endpoint *end, const char *form, ...)
 {
     char text[600];
@@ -266,8 +272,7 @@ void lose_connection(busd_bus *bus, const char *reason)
     }
     for (busd_subscription *s = bus->subscriptions; s != NULL; s = s->next) {
         endpoint_gone(&s->end);
-        for (struct source *source = s->sources; source != NULL; source = source->next)
-            source->is_stale = !source->is_gone;
+        sources_lost(s);
         for (int i = 0; i < REASONS; i++) {
             s->dropped[i] += s->dropped_by_busd[i];
             s->earlier += s->dropped_by_busd[i];
@@ -376,8 +381,7 @@ int busd_connect(busd_bus **place, const char *path, const char *program)
     *bus = (busd_bus){.pid = getpid(), .epoll = -1, .sock = -1, .bell = -1, .timer = -1, .readers_fd = -1, .rounds = 1};
     bus->control.end = &bus->control.first;
     snprintf(bus->program, sizeof bus->program, "%s", program != NULL ? program : program_invocation_short_name);
-    for (char *at = bus->program; !is_utf8(bus->program) && *at != '\0'; at++)
-        *at = (*at & 0x80) != 0 ? '?' : *at;
+    make_utf8(bus->program);
     const int length = path == NULL ? socket_path(bus->path, sizeof bus->path) : snprintf(bus->path, sizeof bus->path, "%s", path);
     if (length < 0 || (size_t)length >= sizeof bus->path)
         return fail(bus, ENAMETOOLONG, "the path of the socket is longer than %zu bytes", sizeof bus->path - 1);
@@ -400,14 +404,16 @@ int busd_connect(busd_bus **place, const char *path, const char *program)
 }
 
 int busd_fd(const busd_bus *bus) { return bus->epoll; }
-int busd_is_connected(const busd_bus *bus) { return bus->sock >= 0 && bus->is_open; }
+
+/* Not after a fork in the child: the socket is the parent's. */
+int busd_is_connected(const busd_bus *bus) { return bus->sock >= 0 && bus->is_open && bus->pid == getpid(); }
 
 /* --- the turn */
 
 static bool has_news(const busd_bus *bus)
 {
     for (const busd_subscription *s = bus->subscriptions; s != NULL; s = s->next)
-        if (s->callback != NULL && subscription_has_news(s))
+        if (s->callback != NULL && !s->end.is_closed && subscription_has_news(s))
             return true;
     return false;
 }

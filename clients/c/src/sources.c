@@ -6,7 +6,6 @@
  *     is_gone with a seat   the samples left in its ring are taken, then the ring is left
  *     is_gone               only its last number is remembered, because it may come back
  */
-#include <fcntl.h>
 #include <stdlib.h>
 #include <sys/random.h>
 #include <unistd.h>
@@ -40,13 +39,19 @@ void seat_release(struct seat *seat)
 
 /* --- sources */
 
-/* The source with busd's number; the latest if there are several. */
+/* The source with this number at the present busd, or with it before its return; NULL: none has it. */
 struct source *source_find(const busd_subscription *sub, uint64_t number)
 {
-    struct source *source = sub->sources;
-    while (source != NULL && (source->number != number || source->is_stale))
+    struct source *source = number == 0 || number == NO_NUMBER ? NULL : sub->sources;
+    while (source != NULL && ((source->number != number && source->before != number) || source->is_stale))
         source = source->next;
     return source;
+}
+
+/* The last number that the next busd need not send: received by any route, or counted as lost; 0: none. */
+uint64_t source_position(const struct source *source)
+{
+    return sizes_max(source->seat != NULL ? source->feed.ring.next - 1 : source->last_seq, source->missed_seq);
 }
 
 static struct source *source_of_gid(busd_subscription *sub, const unsigned char *gid)
@@ -109,13 +114,22 @@ void source_leave(busd_subscription *sub, struct source *source)
     source->is_by_ring = false;
 }
 
+/* Takes back a jump of the numbers of a broken publisher: busd accepts no such number, and the samples never existed. */
+static void go_back(struct feed *feed, const struct ring_reader *before)
+{
+    feed->ring.next = before->next;
+    feed->ring.overrun = before->overrun;
+}
+
 /* Moves the samples that wait in the ring into the queue, before the ring is left. */
 static void drain(busd_subscription *sub, struct source *source)
 {
     struct feed *feed = &source->feed;
+    struct ring_reader before = feed->ring;
+    enum ring_status status;
     source->taken_seq = feed->ring.next - 1;
     feed_poll(feed, 0);
-    while (feed_head(feed, 0) == RING_OK) {
+    while ((status = feed_head(feed, 0)) == RING_OK && feed_is_sound(feed)) {
         const struct ring_record record = feed->head;
         struct sample *sample = sample_new(sub, record.size + 8);
         if (sample == NULL)
@@ -125,11 +139,15 @@ static void drain(busd_subscription *sub, struct source *source)
         sample->publisher = source->number;
         sample->stamp_ns = (int64_t)feed_stamp(feed, &record);
         sample->size = record.size;
-        if (feed_copy(feed, 0, &record, sample->bytes) == RING_OK)
+        if (feed_copy(feed, 0, &record, sample->bytes) == RING_OK) {
             inbox_add(sub, sample);
-        else
+            before = feed->ring;
+        } else {
             sample_free(sub, sample);
+        }
     }
+    if (status == RING_CORRUPT || !feed_is_sound(feed))
+        go_back(feed, &before);
 }
 
 static void refuse(busd_subscription *sub, const struct source *source, const char *fault)
@@ -202,7 +220,7 @@ static uint64_t history_of(const busd_subscription *sub, busd_in qos)
 }
 
 /* Begins to read the ring. Returns the fault because of which it can't. */
-static const char *attach(busd_subscription *sub, struct source *source, busd_in body, busd_in qos, const int *fds)
+static const char *attach(busd_subscription *sub, struct source *source, busd_in body, busd_in qos, int *fds)
 {
     busd_bus *bus = sub->end.node->bus;
     struct feed *feed = &source->feed;
@@ -216,6 +234,7 @@ static const char *attach(busd_subscription *sub, struct source *source, busd_in
         seat_release(seat);
         return fault;
     }
+    const uint64_t known = source_position(source); /* before it has the seat */
     source->seat = seat;
     source->newest = ring->map;
     feed_attach(feed, &ring->ring, seat->slot, random_number());
@@ -223,8 +242,8 @@ static const char *attach(busd_subscription *sub, struct source *source, busd_in
     feed->clock_ns = source->clock_ns;
     const uint64_t at_ns = busd_find_number(body, "at_ns", 0);
     uint64_t old = 0, seq = feed_find(feed, at_ns, history_of(sub, qos), &old);
-    if (source->last_seq != 0)
-        seq = source->last_seq + 1;
+    if (known != 0)
+        seq = known + 1;
     else if (busd_find_number(body, "next_seq", 1) == 1 && (int64_t)at_ns > sub->declared_ns)
         seq = 1; /* the publisher is younger than the subscription */
     source->history_end = seq + old;
@@ -234,14 +253,29 @@ static const char *attach(busd_subscription *sub, struct source *source, busd_in
         source->last_seq = 0;
         return "the ring's numbers are out of bounds";
     }
-    if (sub->end.is_lossless)
-        source->doorbell = fcntl(fds[1], F_DUPFD_CLOEXEC, 0);
+    if (sub->end.is_lossless) {
+        source->doorbell = fds[1]; /* taken over: a copy may fail, and the publisher would wait for ever */
+        fds[1] = -1;
+    }
     source->is_by_ring = true;
     source->noted = feed->ring.next - 1;
     return NULL;
 }
 
 /* --- messages of busd */
+
+/* Counts the samples up to `last` that have not come and will not come. */
+static void count_missed(busd_subscription *sub, struct source *source, uint64_t last)
+{
+    uint64_t known = sizes_max(source_position(source), source->routed_seq);
+    if (source->seat != NULL)
+        known = sizes_max(known, feed_newest(&source->feed)); /* they wait in its ring */
+    if (last > known) {
+        sub->dropped[DISCONNECTED] += last - known;
+        sub->away += last - known;
+    }
+    source->missed_seq = sizes_max(source->missed_seq, last);
+}
 
 static void by_socket(busd_subscription *sub, struct source *source, busd_in body, busd_in qos, bool is_new)
 {
@@ -252,24 +286,21 @@ static void by_socket(busd_subscription *sub, struct source *source, busd_in bod
     }
     const bool has_history = sub->end.qos.durability != BUSD_VOLATILE && busd_find_is(qos, "durability", "transient_local");
     const bool comes_again = has_history || (source->is_lossless && sub->end.node->bus->is_new_busd);
-    if (is_new || comes_again || next_seq <= source->last_seq + 1)
-        return;
-    const uint64_t missed = next_seq - 1 - source->last_seq;
-    sub->dropped[DISCONNECTED] += missed;
-    sub->away += missed;
-    source->last_seq = next_seq - 1;
+    if (!is_new && !comes_again)
+        count_missed(sub, source, next_seq - 1);
 }
 
-void subscription_matched(busd_subscription *sub, busd_in body, busd_in qos, const unsigned char *gid, const int *fds,
+void subscription_matched(busd_subscription *sub, busd_in body, busd_in qos, const unsigned char *gid, int *fds,
                           unsigned count)
 {
     busd_bus *bus = sub->end.node->bus;
     struct source *source = source_of_gid(sub, gid);
     if (source == NULL)
         return;
-    const bool is_new = source->number == 0, was_gone = source->is_gone, is_back = source->is_stale;
+    const bool is_new = source->number == 0, was_gone = source->is_gone;
     const bool is_tap = busd_find_number(body, "is_tap", 0) != 0; /* read now: a callback can replace the received bytes */
     const double lifespan_s = busd_find_real(qos, "lifespan", 0);
+    source->before = was_gone && source->number != NO_NUMBER ? source->number : 0;
     source->number = busd_find_number(body, "other", 0);
     source->clock_ns = busd_find_number(body, "clock_ns", 0);
     source->lifespan_ns = lifespan_s > 0 && lifespan_s < 1e9 ? (uint64_t)(lifespan_s * 1e9) : 0;
@@ -295,17 +326,27 @@ void subscription_matched(busd_subscription *sub, busd_in body, busd_in qos, con
                            (const uint64_t[]){sub->end.id, source->number, source->seat->number});
     }
     report_due(&sub->end);
-    if (!is_tap && !is_back)
-        tell(bus, BUSD_MATCHED, &sub->end, "%s has a publisher by %s", sub->end.topic,
-             source->is_by_ring ? "shared memory" : "socket");
+    if (is_tap || source->is_told)
+        return;
+    source->is_told = true;
+    tell(bus, BUSD_MATCHED, &sub->end, "%s has a publisher by %s", sub->end.topic,
+         source->is_by_ring ? "shared memory" : "socket");
 }
 
-static void source_finish(busd_subscription *sub, struct source *source)
+/* Returns whether the program knows of the match: then tell_unmatched() follows, after which there may be other sources. */
+static bool source_finish(busd_subscription *sub, struct source *source)
 {
+    const bool was_told = source->is_told;
     source->is_gone = true;
-    source->is_stale = false;
+    source->is_stale = source->is_told = false;
     if (source->seat != NULL && feed_finish(&source->feed))
         source_leave(sub, source);
+    return was_told;
+}
+
+static void tell_unmatched(busd_subscription *sub)
+{
+    tell(sub->end.node->bus, BUSD_UNMATCHED, &sub->end, "%s has lost a publisher", sub->end.topic);
 }
 
 void subscription_unmatched(busd_subscription *sub, busd_in body)
@@ -313,9 +354,11 @@ void subscription_unmatched(busd_subscription *sub, busd_in body)
     struct source *source = source_find(sub, busd_find_number(body, "other", 0));
     if (source == NULL || source->is_gone)
         return;
-    source_finish(sub, source);
+    source->routed_seq = sizes_min(busd_find_number(body, "last_seq", 0), MAX_SEQ);
+    const bool was_told = source_finish(sub, source);
     forget_oldest_gone(sub);
-    tell(sub->end.node->bus, BUSD_UNMATCHED, &sub->end, "%s has lost a publisher", sub->end.topic);
+    if (was_told)
+        tell_unmatched(sub);
 }
 
 void subscription_rerouted(busd_subscription *sub, uint64_t number)
@@ -342,12 +385,51 @@ void subscription_ring(busd_subscription *sub, busd_in body, const int *fds, uns
         refuse(sub, source, fault);
 }
 
+/* The connection is lost. The next busd gives the numbers out again, also those of sources that have left. */
+void sources_lost(busd_subscription *sub)
+{
+    for (struct source *source = sub->sources; source != NULL; source = source->next) {
+        if (source->seat == NULL && source->missed_seq > source->routed_seq && source->routed_seq > source->last_seq) {
+            /* they were queued for us, and the samples after them are counted */
+            sub->dropped[DISCONNECTED] += source->routed_seq - source->last_seq;
+            sub->away += source->routed_seq - source->last_seq;
+        }
+        source->before = source->routed_seq = 0;
+        source->is_stale = !source->is_gone;
+        if (source->is_gone)
+            source->number = NO_NUMBER;
+    }
+}
+
+/* busd has lost this connection before, and the publisher has left meanwhile. Its samples from `first` to `last` were for
+ * us; `first` 0: those after the last one that came were. `last` 0: the publisher may return. */
+void sources_missed(busd_subscription *sub, const unsigned char *gid, uint64_t first, uint64_t last)
+{
+    struct source *source = last == 0 || last > MAX_SEQ || first > last ? NULL : source_of_gid(sub, gid);
+    if (source == NULL)
+        return;
+    if (source->number == 0) { /* new: it is remembered, because busd may repeat the report */
+        source->is_gone = true;
+        source->number = NO_NUMBER;
+    }
+    if (source_position(source) == 0)
+        source->missed_seq = first == 0 ? last : first - 1;
+    count_missed(sub, source, last);
+    forget_oldest_gone(sub);
+}
+
 /* Ends sources that the next busd has not matched again in time. */
 void sources_drop_stale(busd_subscription *sub)
 {
-    for (struct source *source = sub->sources; source != NULL; source = source->next)
-        if (source->is_stale)
-            source_finish(sub, source);
+    unsigned told = 0;
+    for (struct source *source = sub->sources; source != NULL; source = source->next) {
+        if (!source->is_stale)
+            continue;
+        told += source_finish(sub, source);
+        source->number = NO_NUMBER;
+    }
+    for (; told > 0; told--)
+        tell_unmatched(sub);
 }
 
 void sources_free(busd_subscription *sub)
@@ -367,36 +449,62 @@ static uint64_t spared(const struct source *source)
     return source->history_end > next ? sizes_min(source->history_end - next, source->feed.waiting) : 0;
 }
 
-/* Looks at one ring. False: it has no sample now. */
-static bool look(busd_subscription *sub, struct source *source)
+/* Leaves a ring with false numbers, at the position `before` them. */
+void source_leave_corrupt(busd_subscription *sub, struct source *source, const struct ring_reader *before)
 {
+    go_back(&source->feed, before);
+    source_leave(sub, source);
+    refuse(sub, source, "the ring is corrupt");
+}
+
+/* Looks at one ring. RING_OK: it has a sample. RING_CORRUPT: it was left, and the event of that can have changed all
+ * sources. */
+static enum ring_status look(busd_subscription *sub, struct source *source)
+{
+    const struct ring_reader before = source->feed.ring;
     feed_poll(&source->feed, 0);
-    const enum ring_status status = feed_head(&source->feed, 0);
+    enum ring_status status = feed_head(&source->feed, 0);
+    if (status == RING_OK && !feed_is_sound(&source->feed))
+        status = RING_CORRUPT;
     if (status == RING_CORRUPT) {
-        source_leave(sub, source);
-        refuse(sub, source, "the ring is corrupt");
+        source_leave_corrupt(sub, source, &before);
     } else if (status == RING_EMPTY && source->is_gone && feed_waiting(&source->feed) == 0) {
         source_leave(sub, source);
     }
-    return status == RING_OK;
+    return status;
+}
+
+/* Finds the source with the oldest sample in its ring, and how many samples wait in all. False: begin again. */
+static bool find_oldest(busd_subscription *sub, struct source **place, uint64_t *waiting)
+{
+    struct source *oldest = NULL;
+    *waiting = 0;
+    for (struct source *source = sub->sources; source != NULL; source = source->next) {
+        const enum ring_status status = source->seat == NULL ? RING_EMPTY : look(sub, source);
+        if (status == RING_CORRUPT)
+            return false;
+        if (status != RING_OK)
+            continue;
+        *waiting += source->feed.waiting - spared(source);
+        if (oldest == NULL || feed_stamp(&source->feed, &source->feed.head) < feed_stamp(&oldest->feed, &oldest->feed.head))
+            oldest = source;
+    }
+    *place = oldest;
+    return true;
 }
 
 /* The source with the oldest sample in its ring; NULL: no ring has one. Passes over samples above the depth. */
 struct source *source_oldest(busd_subscription *sub)
 {
-    for (;;) {
-        struct source *oldest = NULL;
-        uint64_t waiting = 0;
-        for (struct source *source = sub->sources; source != NULL; source = source->next) {
-            if (source->seat == NULL || !look(sub, source))
-                continue;
-            waiting += source->feed.waiting - spared(source);
-            if (oldest == NULL || feed_stamp(&source->feed, &source->feed.head) < feed_stamp(&oldest->feed, &oldest->feed.head))
-                oldest = source;
-        }
+    while (!sub->end.is_closed) {
+        struct source *oldest;
+        uint64_t waiting;
+        if (!find_oldest(sub, &oldest, &waiting))
+            continue;
         if (oldest == NULL || sub->depth == 0 || waiting <= sub->depth)
             return oldest;
         const bool is_alone = waiting == oldest->feed.waiting;
         feed_skip(&oldest->feed, is_alone ? waiting - sub->depth : 1); /* of several, one by one in order of the stamps */
     }
+    return NULL;
 }

@@ -5,6 +5,7 @@
  * subscription, which may be destroyed before.
  */
 #include <stdlib.h>
+#include <unistd.h>
 
 #include "internal.h"
 
@@ -26,16 +27,24 @@ static void take_source_time(busd_message *message)
     message->size -= SOURCE_BYTES;
 }
 
+/* The time since a stamp; 0 if it is in the future. A false stamp can make it longer than an int64_t holds. */
+static uint64_t age_of(int64_t stamp_ns)
+{
+    const int64_t now = now_ns();
+    return now > stamp_ns ? (uint64_t)now - (uint64_t)stamp_ns : 0;
+}
+
 static void count_taken(busd_subscription *sub, const busd_message *message)
 {
     sub->samples++;
     sub->bytes += message->size;
     if (!sub->end.is_dirty || sub->samples % AGE_EVERY == 0) {
-        const int64_t now = now_ns();
-        const uint64_t age = now > message->stamp_ns ? (uint64_t)(now - message->stamp_ns) : 0;
+        const uint64_t age = age_of(message->stamp_ns);
         sub->age_count++;
-        sub->age_sum_ns += age;
-        sub->age_max_ns = sizes_max(sub->age_max_ns, age);
+        if (age < MAX_SEQ - sub->age_sum_ns) { /* busd accepts no number above MAX_SEQ; a stamp may be false */
+            sub->age_sum_ns += age;
+            sub->age_max_ns = sizes_max(sub->age_max_ns, age);
+        }
     }
     if (!sub->end.is_dirty)
         report_due(&sub->end);
@@ -43,7 +52,7 @@ static void count_taken(busd_subscription *sub, const busd_message *message)
 
 static bool is_expired(uint64_t lifespan_ns, int64_t stamp_ns)
 {
-    return lifespan_ns != 0 && now_ns() - stamp_ns > (int64_t)lifespan_ns;
+    return lifespan_ns != 0 && age_of(stamp_ns) > lifespan_ns;
 }
 
 static bool take_from_inbox(busd_subscription *sub, busd_message *message)
@@ -108,11 +117,14 @@ static int take_from_rings(busd_subscription *sub, busd_message *message)
             continue;
         }
         *message = (busd_message){.size = record.size, .stamp_ns = stamp_ns, .seq = record.seq, .publisher = source->number, .by_ring = 1};
+        const struct ring_reader before = source->feed.ring;
         enum ring_status status = record.size > COPY_BYTES ? take_pinned(source, &record, message) : RING_PINNED;
         if (status == RING_PINNED)
             status = take_copy(sub, source, &record, message);
         if (status == RING_EMPTY)
             return fail(sub->end.node->bus, ENOMEM, "%s: no memory for a message of %u bytes", sub->end.topic, record.size);
+        if (status != RING_OK && !feed_is_sound(&source->feed))
+            source_leave_corrupt(sub, source, &before);
         if (status != RING_OK)
             continue; /* overrun meanwhile, and counted */
         if (sub->end.is_lossless)
@@ -146,7 +158,8 @@ void busd_release(busd_message *message)
     } else {
         struct hold *hold = thing;
         struct seat *seat = hold->seat;
-        ring_unpin(seat->slot, hold->pin);
+        if (seat->bus->pid == getpid()) /* after a fork, the pin is the parent's */
+            ring_unpin(seat->slot, hold->pin);
         map_drop(hold->map);
         seat->pinned--;
         seat_release(seat);

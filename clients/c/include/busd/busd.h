@@ -1,7 +1,8 @@
 /* busd in C: nodes, publishers and subscriptions on the bus of this machine. docs/c.md is the manual.
  *
  * One thread at a time may use a connection and everything made with it. The library has no threads, no signal
- * handlers and no global state. After a fork, the child may only close the connection.
+ * handlers and no global state. After a fork, the child may only release, destroy and close, which then changes nothing
+ * for busd and the parent, and calls no callbacks.
  *
  * Functions that return int return 0, a number of things, or a negative errno; busd_error() then says why in words.
  */
@@ -54,7 +55,8 @@ typedef struct busd_qos {
 
 /* Connects to busd. `path` NULL: $BUSD_SOCKET, or the socket of $BUSD_DOMAIN. `program`: its name in `bus top`.
  * *bus is set even if this fails, for busd_error() and busd_close(); it is NULL only for -ENOMEM.
- * Errors: -ENOENT or -ECONNREFUSED without a busd, -EACCES, -ETIMEDOUT, -EPROTO for another protocol version. */
+ * Errors: -ENOENT or -ECONNREFUSED without a busd, -EACCES, -ETIMEDOUT, -EPROTO for another protocol version,
+ * -EAGAIN if busd has ended each connection for 10 s. */
 int busd_connect(busd_bus **bus, const char *path, const char *program);
 
 /* Sends queued samples for up to a second, ends all nodes, and frees everything of the connection. Pending calls of
@@ -73,7 +75,7 @@ int busd_dispatch(busd_bus *bus);
  * signal. */
 int busd_wait(busd_bus *bus, int timeout_ms);
 
-/* 1 while busd knows this process. If the connection is lost, the library connects again by itself. */
+/* 1 while busd knows this process; 0 in its child after a fork. If the connection is lost, the library connects again by itself. */
 int busd_is_connected(const busd_bus *bus);
 
 /* The reason of the last call that failed. Never NULL. */
@@ -146,7 +148,7 @@ typedef struct busd_message {
     int64_t stamp_ns;   /* of publishing, by this process's CLOCK_MONOTONIC */
     int64_t source_ns;  /* wall clock, from the message's source; 0: none */
     uint64_t seq;       /* of its publisher, from 1 on */
-    uint64_t publisher; /* busd's number of it */
+    uint64_t publisher; /* busd's number of it; UINT64_MAX: it had left before the connection was made again */
     int by_ring;        /* 1: through shared memory, 0: by socket */
     void *held;         /* for busd_release() */
 } busd_message;
@@ -195,8 +197,8 @@ typedef void busd_serve(void *user, busd_server *server, const busd_call *call, 
 int busd_server_create(busd_node *node, const char *name, const busd_service_type *type, const busd_qos *qos,
                        busd_serve *serve, void *user, busd_server **server);
 
-/* Replies to a call, once; or ends it with an error, whose reason the client gets. -ENOENT: it has its reply, or is older
- * than 10,000 other calls without one. */
+/* Replies to a call, once; or ends it with an error, whose reason the client gets; bytes of the reason that are not UTF-8
+ * become `?`. -ENOENT: it has its reply, or has ended with an error, because 10,000 later calls have none. */
 int busd_reply(busd_server *server, const busd_call *call, const void *body, size_t size);
 int busd_reply_error(busd_server *server, const busd_call *call, const char *reason);
 

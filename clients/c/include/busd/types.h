@@ -191,7 +191,7 @@ static inline void busd_put_count(busd_out *out, size_t count, size_t most)
         void *place;                                                                                                   \
         const size_t size = T##__size(m);                                                                              \
         if (size == 0)                                                                                                 \
-            return -EINVAL; /* a text, bytes or a list longer than its type permits */                                 \
+            return busd_loan(publisher, 0, NULL); /* -EINVAL: a text, bytes or a list longer than its type permits */  \
         const int status = busd_loan(publisher, size, &place);                                                         \
         if (status < 0)                                                                                                \
             return status;                                                                                             \
@@ -214,7 +214,7 @@ static inline void busd_put_count(busd_out *out, size_t count, size_t most)
     {                                                                                                                  \
         busd_out out = {NULL, 0, 0, false, false};                                                                     \
         S##_Request__put(&out, request);                                                                               \
-        const int status = out.failed ? -EINVAL : busd_client_call(client, out.bytes, out.size, answer, user);         \
+        const int status = busd_client_call(client, out.failed ? NULL : out.bytes, out.size, answer, user);            \
         free(out.bytes);                                                                                               \
         return status;                                                                                                 \
     }                                                                                                                  \
@@ -222,7 +222,7 @@ static inline void busd_put_count(busd_out *out, size_t count, size_t most)
     {                                                                                                                  \
         busd_out out = {NULL, 0, 0, false, false};                                                                     \
         S##_Response__put(&out, response);                                                                             \
-        const int status = out.failed ? -EINVAL : busd_reply(server, call, out.bytes, out.size);                       \
+        const int status = busd_reply(server, call, out.failed ? NULL : out.bytes, out.size);                          \
         free(out.bytes);                                                                                               \
         return status;                                                                                                 \
     }
