@@ -1,4 +1,4 @@
-"""Counts lines of Python that the core of busd executes: steps that do not depend on the load of the machine."""
+"""Counts lines of Python that busd's core executes: steps, which do not depend on the load of the machine."""
 
 from types import FrameType
 from typing import Any

@@ -6,6 +6,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, assert_type
@@ -324,6 +325,31 @@ class TestWhereItIsUsed:
         assert refused == [
             "this node belongs to the thread that connected: in each thread make one with bus.connect"
         ]
+
+    def test_another_thread_waits_for_room(self, route: str, node: bus.BlockingNode) -> None:
+        subscription = node.create_subscription(String, "bulk", LOSSLESS)
+        publisher = node.create_publisher(String, "bulk", LOSSLESS)
+        text, sent, full = "x" * 500_000, [0], threading.Event()
+        last = String(data="last")
+
+        def work() -> None:
+            with pytest.raises(TimeoutError, match=r"no room on '/bulk' within 0\.1 s"):
+                while True:
+                    publisher.publish(String(data=text), timeout=0.1)
+                    sent[0] += 1
+            full.set()
+            publisher.publish(last)
+
+        with ThreadPoolExecutor() as pool:
+            working = pool.submit(work)
+            assert full.wait(WAIT_S)
+            heard = 0
+            for message in subscription.listen(timeout=WAIT_S):
+                if message.data == "last":
+                    break
+                heard += 1
+            working.result(WAIT_S)
+        assert heard == sent[0] > 0
 
     def test_other_threads_may_log(
         self, node: bus.BlockingNode, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch

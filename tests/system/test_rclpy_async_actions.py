@@ -78,9 +78,12 @@ class TestActions:
             await goal.result()
         assert ended == ["CANCELING"]
 
-    async def test_a_destroyed_client(self, node: AsyncNode) -> None:
+    @pytest.mark.parametrize("is_open", [False, True])
+    async def test_a_destroyed_client(self, node: AsyncNode, is_open: bool) -> None:
         client = node.create_action_client(Fibonacci, "nobody")
         waiting = asyncio.create_task(client.wait_for_server())
+        if is_open:
+            await client._opened()
         await asyncio.sleep(0)
         client.destroy()
         for call in (waiting, client.send_goal(Fibonacci.Goal(order=1))):

@@ -128,6 +128,13 @@ class TestServices:
         client.destroy()
         with pytest.raises(asyncio.CancelledError):
             await call
+        client = node.create_client(SetBool, "nobody")
+        waiting = asyncio.create_task(client.wait_for_service())
+        await until(lambda: client._native is not None and client._is_open.is_set())
+        await asyncio.sleep(0)
+        client.destroy()
+        with pytest.raises(asyncio.CancelledError):
+            await waiting
         with pytest.raises(RuntimeError, match="is destroyed"):
             await client.call(SetBool.Request())
         with pytest.raises(TypeError, match="expected a SetBool_Request"):

@@ -3,7 +3,9 @@
 Owns the loop's turns around a message: the message comes first, all other work later.
 """
 
+import time
 from collections.abc import Iterator
+from threading import get_ident
 from time import monotonic_ns
 from typing import Any, Generic, TypeVar
 
@@ -27,6 +29,8 @@ M = TypeVar("M", bound=msgspec.Struct)
 
 _SEND_NS = 1_000_000_000
 """Longest wait of a message until the socket accepts it."""
+_LEAST_PAUSE_S, _MOST_PAUSE_S = 0.001, 0.05
+"""Pauses between two attempts of another thread for which there is no room."""
 
 _READY_NS = 1_000_000_000
 """Longest wait of a message until new subscriptions can be woken."""
@@ -192,9 +196,27 @@ class BlockingPublisher(_BlockingEndpoint, Generic[M]):
                 wait(all_are_ready, now_ns + _READY_NS)
 
     def _wait_for_room(self, message: M, timeout: float | None) -> None:
+        if get_ident() != self._foreground.thread:
+            self._try_again(message, timeout)
+            return
         self._foreground.run_or_tell(
             lambda: self._native.send(message), timeout, lambda: f"no room on '{self.topic_name}'"
         )
+
+    def _try_again(self, message: M, timeout: float | None) -> None:
+        """Publish in another thread, which can't run the event loop, as soon as there is room."""
+        deadline_ns, pause_s = deadline_after(timeout), _LEAST_PAUSE_S
+        while True:
+            time.sleep(pause_s)
+            with self._guard:
+                is_taken = self._native.publish(message)
+                if self._core.sender.goes_by_socket:
+                    self._send()
+            if is_taken:
+                return
+            if deadline_ns and monotonic_ns() >= deadline_ns:
+                raise TimeoutError(f"no room on '{self.topic_name}' within {timeout:g} s")
+            pause_s = min(2 * pause_s, _MOST_PAUSE_S)
 
 
 class BlockingSubscription(_BlockingEndpoint, Generic[M]):

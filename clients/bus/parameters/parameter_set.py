@@ -4,6 +4,7 @@ Owns: the Python values for each type, the values of the command line, and the e
 messages, services, event loops. `bus.parameters.store` changes the values.
 """
 
+import array
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Final, NamedTuple, TypeAlias
 
@@ -265,7 +266,7 @@ class ParameterSet:
         """
         if isinstance(value, bytes | bytearray):
             return Parameter(name, ParameterType.BYTE_ARRAY, bytes(value))
-        if isinstance(value, tuple):
+        if isinstance(value, tuple | array.array):
             value = list(value)
         if value == [] and expected.is_array:
             return Parameter(name, expected, b"" if expected is ParameterType.BYTE_ARRAY else [])
@@ -273,6 +274,8 @@ class ParameterSet:
             value = _with_doubles(value, expected)
         try:
             type_ = ParameterType.from_parameter_value(value)
+            if type_ is ParameterType.INTEGER_ARRAY and bool in map(type, value):
+                raise TypeError  # a bool is an int, but no message takes it for one
         except TypeError:
             raise self._error(name, f"can't be {_shown(value)}; a value is {_ALLOWED}") from None
         if type_ is ParameterType.BYTE_ARRAY:

@@ -75,7 +75,8 @@ _TYPE: Final = re.compile(r"([A-Za-z][\w/]*)(?:<=(\d+))?(?:\[(<=)?(\d*)\])?", re
 _QUOTED: Final = r'"(?:\\.|[^"\\])*"|' + r"'(?:\\.|[^'\\])*'"
 _CODE: Final = re.compile(rf"(?:(?<=[\s=,\[])(?:{_QUOTED})|[^#])*")
 """A line up to its comment. A `#` inside a quoted text begins no comment."""
-_ELEMENT: Final = re.compile(rf"\s*({_QUOTED}|[^,\"'\[\]]+?)\s*(?:,|$)")
+_ELEMENT: Final = re.compile(rf"\s*+({_QUOTED}|[^,\"'\[\]]++)\s*+(?:,|$)")
+"""An element, perhaps with blanks behind it. The parts share no blanks: a hostile text would take hours."""
 _MAX_SIZE: Final = 2**31 - 1
 _MAX_DIGITS: Final = 10
 
@@ -348,14 +349,22 @@ def _default(type_: Type, text: str) -> Any:
 
 def _elements(inner: str, text: str) -> list[str]:
     elements: list[str] = []
-    at = 0
-    while inner.strip() and at < len(inner):
+    at = 0 if inner.strip() else len(inner)
+    while at < len(inner):
         found = _ELEMENT.match(inner, at)
         if found is None:
             raise _Wrong(f"{text} is no list of values")
-        elements.append(found[1])
+        elements.append(found[1].rstrip())
         at = found.end()
     return elements
+
+
+def _integer(text: str) -> int:
+    """As in rosidl: decimal, also with leading zeros; else with a prefix, as 0x1f."""
+    try:
+        return int(text)
+    except ValueError:
+        return int(text, 0)
 
 
 def _single(type_: Type, text: str) -> Any:
@@ -367,7 +376,7 @@ def _single(type_: Type, text: str) -> Any:
             return {"true": True, "1": True, "false": False, "0": False}[text.lower()]
         if base in ("float32", "float64"):
             return float(text)
-        value = int(text, 0)
+        value = _integer(text)
     except (KeyError, ValueError):
         raise _Wrong(f"{text:.80} is no value of type {base}") from None
     least, most = INTEGERS[base]

@@ -45,9 +45,9 @@ def sources_of(name: str) -> list[Any]:
     first, *others = (message.name for message in _with_nested(name))
     found = []
     for one in (first, *sorted(others)):
-        kind = one.split("/")[1]
-        whole, _, part = one.rpartition("_")
-        path = definition_path(whole if part in PARTS.get(kind, ()) else one)
+        package, kind, short = one.split("/")
+        # All messages of a service or an action are in its file.
+        path = definition_path(f"{package}/{kind}/{short.partition('_')[0]}" if kind in PARTS else one)
         text = path.read_text("utf-8")
         found.append(_made("TypeSource", type_name=one, encoding=kind, raw_file_contents=text))
     return found

@@ -78,7 +78,10 @@ class AsyncActionClient(AsyncEntity):
     async def wait_for_server(self) -> None:
         """Wait for a server. Has no time limit: use `asyncio.timeout`. Raises as `send_goal`."""
         await self._opened()
-        await self._native.wait_for_server()
+        try:
+            await self._native.wait_for_server()
+        except ConnectionClosed:
+            raise self._why_closed() from None
 
     async def send_goal(
         self, goal: Any, feedback_callback: Callable[[Any], object] | None = None

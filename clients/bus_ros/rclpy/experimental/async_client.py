@@ -4,7 +4,7 @@ import asyncio
 from collections.abc import Iterable
 from typing import Any
 
-from bus.errors import BusError, ServiceUnavailable
+from bus.errors import BusError, ConnectionClosed, ServiceUnavailable
 from bus.names import reply_topic, request_topic
 from bus.node import Node as NativeNode
 from bus.service.client import ServiceClient
@@ -90,9 +90,13 @@ class AsyncClient(AsyncEntity, BaseClient):
         CancelledError if the client is destroyed meanwhile.
         """
         await self._is_open.wait()
-        if self._native is None or self.is_destroyed:
-            raise asyncio.CancelledError(f"the client of service '{self._service_name}' is destroyed")
-        await self._native.wait_for_service()
+        try:
+            if self._native is not None and not self.is_destroyed:
+                await self._native.wait_for_service()
+                return
+        except ConnectionClosed:
+            pass
+        raise asyncio.CancelledError(f"the client of service '{self._service_name}' is destroyed")
 
     def service_is_ready(self) -> bool:
         """Whether a server of the service exists; False before the node runs."""

@@ -2,6 +2,7 @@
 
 import enum
 import math
+from array import array
 from collections.abc import Callable
 from typing import Any
 
@@ -47,6 +48,7 @@ VALUES: list[tuple[Any, ParameterType, Any]] = [
     ([b"\1", b"\2"], ParameterType.BYTE_ARRAY, b"\1\2"),
     ([True, False], ParameterType.BOOL_ARRAY, [True, False]),
     ((1, 2), ParameterType.INTEGER_ARRAY, [1, 2]),
+    (array("d", [1.5]), ParameterType.DOUBLE_ARRAY, [1.5]),
     ([1, 2.5], ParameterType.DOUBLE_ARRAY, [1.0, 2.5]),
     (["a", ""], ParameterType.STRING_ARRAY, ["a", ""]),
 ]
@@ -61,7 +63,7 @@ def test_values_and_their_types(given_: Any, type_: ParameterType, value: Any) -
     assert some.find("a").parameter == Parameter("a", type_, value)
 
 
-@for_each("value", [{}, ..., 1j, [1, "a"], [[1]], [None], {1}])
+@for_each("value", [{}, ..., 1j, [1, "a"], [1, True], [False, 0], [[1]], [None], {1}])
 def test_no_values(value: Any) -> None:
     said = refusal(parameters().declare, "a", value)
     assert said.startswith("parameter 'a' of /robot: can't be ")

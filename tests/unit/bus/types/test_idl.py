@@ -60,6 +60,8 @@ def test_types(text: str, type_: Type) -> None:
         ("int32 x 5", 5),
         ("int32 x\t-5 # five", -5),
         ("uint8 x 0x1f", 31),
+        ("int16 x -007", -7),
+        ("int32[] x [ 01 , 0b11 ]", (1, 3)),
         ("bool x True", True),
         ("bool x 0", False),
         ("float32 x 1", 1.0),
@@ -88,11 +90,19 @@ def test_defaults(line: str, value: Any) -> None:
         assert default == value and type(default) is type(value)
 
 
+@for_each("begin", ["", "1", "1,"])
+def test_many_blanks_in_a_list_take_no_time(begin: str) -> None:
+    """If parts of a pattern share blanks, the time for this grows with the third power: hours."""
+    with pytest.raises(ConfigurationError, match="is no list of values"):
+        field(f"int8[] x [{begin}{' ' * 20_000}']")
+
+
 @for_each(
     ("line", "value"),
     [
         ("int32 X=1", 1),
         ("int32 X = -1", -1),
+        ("uint8 X=010", 10),
         ("uint64 X_2 =18446744073709551615", 2**64 - 1),
         ("float32 PI=3.14", 3.14),
         ("byte OK=0", b"\x00"),
