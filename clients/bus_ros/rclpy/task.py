@@ -18,7 +18,7 @@ from typing import Any, Generic, Protocol, TypeVar
 from bus.base.printable import printable
 from bus_ros.entity import Entity, Group, Work
 
-__all__ = ["UNFINISHED", "Future", "FutureState", "Step", "Task"]
+__all__ = ["UNFINISHED", "Answer", "Future", "FutureState", "Step", "Task"]
 
 T = TypeVar("T")
 
@@ -206,6 +206,17 @@ class Future(Generic[T]):
     def _set_executor(self, executor: Executor | None) -> None:
         """Let this executor run the callbacks from now on; it is not kept alive."""
         self._executor = None if executor is None else weakref.ref(executor)
+
+
+class Answer(Future[T]):
+    """The future of a request. `cancel` also drops the request: its answer is ignored."""
+
+    drop: "Callable[[Future[T]], object]"
+    """Set by the client right after it is made."""
+
+    def cancel(self) -> None:
+        super().cancel()
+        self.drop(self)
 
 
 class Task(Future[T]):
