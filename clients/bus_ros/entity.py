@@ -111,6 +111,8 @@ class Entity:
 class Calls(Entity):
     """A queue of calls, each made once: the events of a node."""
 
+    is_async = True
+
     def __init__(self, node: Owner, callback_group: Group | None) -> None:
         super().__init__(node, callback_group)
         self._calls: deque[Work] = deque()

@@ -24,6 +24,7 @@ from bus_ros.rclpy.qos import (
     ReliabilityPolicy,
     qos_profile_sensor_data,
 )
+from bus_ros.rclpy.task import Future
 from conftest import WAIT_S
 from rclpy_world import Int64, Kind, World, arguments, every_kind, wait_until, world
 
@@ -182,3 +183,23 @@ def test_events_come_in_worker_threads_too(world: World, node: Node) -> None:
         )
         wait_until(lambda: said)
     assert said[0].startswith("rclpy executor")
+
+
+@every_kind
+def test_async_callbacks_of_events_are_awaited(world: World, node: Node, kind: Kind) -> None:
+    """They may also wait for something."""
+    told: list[Any] = []
+    gate: Future[None] = Future()
+
+    async def tell(info: Any) -> None:
+        told.append(type(info))
+        await gate
+        told.append("end")
+
+    with world.spinning(node, kind=kind):
+        node.create_publisher(Int64, "t", 10, event_callbacks=PublisherEventCallbacks(matched=tell))
+        node.create_subscription(Int64, "t", print, 10)
+        wait_until(lambda: told)
+        gate.set_result(None)
+        wait_until(lambda: len(told) == 2)
+    assert told == [QoSPublisherMatchedInfo, "end"]
