@@ -106,20 +106,3 @@ class Entity:
             waiter = executor.waiter
             if not waiter.is_set:
                 waiter.set()
-
-
-class Calls(Entity):
-    """A queue of calls, each made once: the events of a node."""
-
-    is_async = True
-
-    def __init__(self, node: Owner, callback_group: Group | None) -> None:
-        super().__init__(node, callback_group)
-        self._calls: deque[Work] = deque()
-
-    def put(self, function: Callable[..., object], *arguments: Any) -> None:
-        self._calls.append((function, arguments))
-        self.notify()
-
-    def take(self, most: int) -> Work | None:
-        return self._calls.popleft() if self._calls else None
