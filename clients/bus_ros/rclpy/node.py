@@ -379,7 +379,7 @@ class Node(BaseNode, NodeWaitables):
         entity.is_queued = False
         return self.__add(entity)
 
-    # --- destroying
+    # --- destroying: an entity of another node stays as it is, and they return False
 
     def destroy_publisher(self, publisher: Publisher[Any]) -> bool:
         """Destroy a publisher; returns whether it belonged to this node."""
@@ -396,27 +396,30 @@ class Node(BaseNode, NodeWaitables):
         return self.__remove(subscription, subscription.native)
 
     def destroy_client(self, client: Client) -> bool:
-        client.forget_events()
-        return self.__remove(client, client.native)
+        if is_ours := self.__remove(client, client.native):
+            client.forget_events()
+        return is_ours
 
     def destroy_service(self, service: Service) -> bool:
-        service.forget_events()
-        return self.__remove(service, service.native)
+        if is_ours := self.__remove(service, service.native):
+            service.forget_events()
+        return is_ours
 
     def destroy_guard_condition(self, guard: GuardCondition) -> bool:
         return self.__remove(guard, None)
 
     def destroy_timer(self, timer: Timer) -> bool:
         with self.__engine.loop:
-            is_ours = timer in self.timers
+            if timer not in self.timers:
+                return False
             timer.is_destroyed = True
             timer.forget_clock()
             self.timers = tuple(one for one in self.timers if one is not timer)
-        return is_ours
+        return True
 
     def destroy_rate(self, rate: Rate) -> bool:
-        is_ours = self.destroy_timer(rate._timer)
-        rate.destroy()
+        if is_ours := self.destroy_timer(rate._timer):
+            rate.destroy()
         return is_ours
 
     def _evict_entity(self, entity: Entity, natives: "Closable") -> bool:
@@ -555,15 +558,16 @@ class Node(BaseNode, NodeWaitables):
 
     def __remove(self, entity: Entity, native: "Closable | None") -> bool:
         with self.__engine.loop:
-            is_ours = entity in self.__entities
+            if entity not in self.__entities:
+                return False
             entity.is_destroyed = True
             entity.leave()
             if entity in self.waiting:
                 self.waiting.remove(entity)
             self.__entities = tuple(one for one in self.__entities if one is not entity)
-        if is_ours and native is not None:
+        if native is not None:
             self.__engine.run(native.close)
-        return is_ours
+        return True
 
     def __forget_all(self) -> None:
         with self.__engine.loop:
