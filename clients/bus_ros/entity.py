@@ -71,6 +71,10 @@ class Entity:
     is_single = False
     """After one `take`, nothing more can be taken for now."""
     is_timer = False
+    is_step = False
+    """It is a step of a task instead."""
+    is_closed = False
+    """A nested spin in its own callback makes no other call of it."""
     rank = 0
     """The place of its kind in a round of an executor; 0: events, actions, a program's waitables."""
 

@@ -357,6 +357,8 @@ class Step:
     is_exclusive = False
     is_single = True
     is_timer = False
+    is_step = True
+    is_closed = False
     place = (-1, 0)
 
     def __init__(self, task: Task[Any], go_on: "Callable[[Step], object]", holder: Entity | None) -> None:

@@ -1,7 +1,8 @@
 """Small parts of executors: errors, the interface of their nodes, and names for executors of programs."""
 
 from collections import deque
-from collections.abc import Callable, Coroutine, Iterable
+from collections.abc import Callable, Coroutine, Iterable, Iterator
+from contextlib import contextmanager
 from operator import attrgetter
 from typing import Any, Protocol
 from weakref import ref
@@ -17,6 +18,8 @@ __all__ = [
     "WakeGuard",
     "await_or_execute",
     "put_in_order",
+    "spin_nested",
+    "woken_by",
 ]
 
 _PLACE = attrgetter("place")
@@ -49,6 +52,40 @@ def put_in_order(ready: deque[Any]) -> None:
     ordered = sorted(ready, key=_PLACE)
     ready.clear()
     ready.extend(ordered)
+
+
+def spin_nested(executor: Any, *args: Any) -> bool:
+    """Spin in the callback of `executor.called`, without a second call of it: the entity waits in its queue.
+
+    Returns False, and does not spin, if the entity may get calls. These are entities of reentrant groups,
+    actions and clients, which have several calls at a time, and entities that wait already.
+    """
+    entity, engine = executor.called, executor._engine
+    if not entity.rank or entity.held_group is None or not entity.is_exclusive or entity.is_closed:
+        return False
+    with engine.loop:
+        entity.is_closed = True
+        engine.held += 1  # so executors look at each entity
+    try:
+        executor._spin_once(*args)
+        return True
+    finally:
+        executor.called = entity
+        with engine.loop:
+            entity.is_closed = False
+            engine.held -= 1
+            while engine.passed_over:
+                engine.passed_over.pop().wake_up()
+
+
+@contextmanager
+def woken_by(future: Any, wake: Callable[[], None]) -> Iterator[None]:
+    """Call `wake` when the future is done."""
+    future.call_when_done(wake)
+    try:
+        yield
+    finally:
+        future.forget_waiter(wake)
 
 
 async def await_or_execute(callback: Callable[..., Any], *args: Any) -> Any:
