@@ -344,7 +344,7 @@ class Node(BaseNode, NodeWaitables):
     ) -> Timer:
         """Call `callback` every `timer_period_sec` seconds, the first time after one period.
 
-        A callback that needs an argument gets a TimerInfo.
+        A callback gets a TimerInfo if it needs an argument, or has a parameter with this annotation.
         """
         period_ns = int(float(timer_period_sec) * 1e9)
         if period_ns < 0:
