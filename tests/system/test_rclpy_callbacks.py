@@ -114,6 +114,31 @@ class TestCallbacks:
         world.spin_executor_until(lambda: all(told.count(end) > 1 for end in ends), executor)
         assert told[:4] == ["outer begins", "inner begins", "inner ends", "outer ends"]
 
+    def test_a_spin_in_another_thread_is_not_nested(self, world: World, node: Node) -> None:
+        """It may end after the callback, which may then be called again."""
+        began, gate = threading.Event(), threading.Event()
+        calls: list[None] = []
+
+        def hold() -> None:
+            calls.append(None)
+            began.set()
+            gate.wait(WAIT_S)
+
+        def until() -> bool:
+            gate.set()
+            wait_until(lambda: executor.called is None)
+            return True
+
+        guard = node.create_guard_condition(hold)
+        executor: Any
+        with world.spinning(node) as executor:
+            guard.trigger()
+            began.wait(WAIT_S)
+            executor._spin_once(0, 1, until)
+            assert executor.called is None and not guard.is_closed
+            guard.trigger()
+            wait_until(lambda: len(calls) == 2)
+
     def test_a_nested_spin_in_a_reentrant_group_enters_it_again(self, world: World, node: Node) -> None:
         depth: list[int] = []
 

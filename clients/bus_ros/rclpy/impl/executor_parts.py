@@ -1,5 +1,6 @@
 """Small parts of executors: errors, the interface of their nodes, and names for executors of programs."""
 
+import sys
 from collections import deque
 from collections.abc import Callable, Coroutine, Iterable, Iterator
 from contextlib import contextmanager
@@ -57,11 +58,13 @@ def put_in_order(ready: deque[Any]) -> None:
 def spin_nested(executor: Any, *args: Any) -> bool:
     """Spin in the callback of `executor.called`, without a second call of it: the entity waits in its queue.
 
-    Returns False, and does not spin, if the entity may get calls. These are entities of reentrant groups,
-    actions and clients, which have several calls at a time, and entities that wait already.
+    Returns False, and does not spin, if the entity may get calls, or waits already. Entities of reentrant
+    groups, actions and clients may get several calls at a time. So may all if another thread makes the call.
     """
     entity, engine = executor.called, executor._engine
     if not entity.rank or entity.held_group is None or not entity.is_exclusive or entity.is_closed:
+        return False
+    if not _is_calling(executor):
         return False
     with engine.loop:
         entity.is_closed = True
@@ -76,6 +79,15 @@ def spin_nested(executor: Any, *args: Any) -> bool:
             engine.held -= 1
             while engine.passed_over:
                 engine.passed_over.pop().wake_up()
+
+
+def _is_calling(executor: Any) -> bool:
+    """Whether this thread is in a call of the executor. To note the thread of each call would cost more."""
+    spin = sys._getframe(2)  # of `_spin_once`, which called `spin_nested`
+    frame = spin.f_back
+    while frame is not None and (frame.f_code is not spin.f_code or frame.f_locals["self"] is not executor):
+        frame = frame.f_back
+    return frame is not None
 
 
 @contextmanager
