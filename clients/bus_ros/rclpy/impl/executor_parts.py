@@ -62,9 +62,9 @@ def spin_nested(executor: Any, *args: Any) -> bool:
     groups, actions and clients may get several calls at a time. So may all if another thread makes the call.
     """
     entity, engine = executor.called, executor._engine
-    if not entity.rank or entity.held_group is None or not entity.is_exclusive or entity.is_closed:
+    if entity is None or not entity.rank or entity.held_group is None:  # None: it has just ended
         return False
-    if not _is_calling(executor):
+    if not entity.is_exclusive or entity.is_closed or not _is_calling(executor):
         return False
     with engine.loop:
         entity.is_closed = True
