@@ -71,6 +71,10 @@ class Entity:
     is_single = False
     """After one `take`, nothing more can be taken for now."""
     is_timer = False
+    is_step = False
+    """It is a step of a task instead."""
+    is_closed = False
+    """A nested spin in its own callback makes no other call of it."""
     rank = 0
     """The place of its kind in a round of an executor; 0: events, actions, a program's waitables."""
 
@@ -106,18 +110,3 @@ class Entity:
             waiter = executor.waiter
             if not waiter.is_set:
                 waiter.set()
-
-
-class Calls(Entity):
-    """A queue of calls, each made once: the events of a node."""
-
-    def __init__(self, node: Owner, callback_group: Group | None) -> None:
-        super().__init__(node, callback_group)
-        self._calls: deque[Work] = deque()
-
-    def put(self, function: Callable[..., object], *arguments: Any) -> None:
-        self._calls.append((function, arguments))
-        self.notify()
-
-    def take(self, most: int) -> Work | None:
-        return self._calls.popleft() if self._calls else None

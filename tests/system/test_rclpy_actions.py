@@ -139,6 +139,42 @@ def test_feedback_that_overtakes_the_answer_waits_for_it(ends: Ends, monkeypatch
     assert told == ["accepted", "feedback"] and not ends.client._early_feedback
 
 
+def test_cancelled_futures_are_forgotten(ends: Ends) -> None:
+    """Their answers are ignored; the goal goes on, and its feedback is told."""
+    ends.serve()
+    client = ends.client
+    future = client.send_goal_async(Fibonacci.Goal(order=2), ends.hear)
+    future.cancel()
+    assert not client._pending_goal_requests and not client._unanswered
+    ends.spin_until(lambda: len(ends.feedback) == 2)
+    goal_handle = ends.send(0)
+    later = [goal_handle.get_result_async(), goal_handle.cancel_goal_async()]
+    for one in later:
+        one.cancel()
+    assert not client._pending_result_requests and not client._pending_cancel_requests
+    assert [
+        end.statistics().pending for end in (client._ends.goal, client._ends.cancel, client._ends.result)
+    ] == [0, 0, 0]
+    assert ends.result(goal_handle) == (GoalStatus.SUCCEEDED, [])
+    assert all(one.cancelled() and one.result() is None for one in [future, *later])
+
+
+@pytest.mark.parametrize("kind", ["goal", "result", "cancel"])
+def test_an_answer_of_a_cancelled_future_may_wait_already(ends: Ends, kind: str) -> None:
+    ends.serve()
+    goal_handle = ends.send(0)
+    future = {
+        "goal": lambda: ends.client.send_goal_async(Fibonacci.Goal(order=0)),
+        "result": goal_handle.get_result_async,
+        "cancel": goal_handle.cancel_goal_async,
+    }[kind]()
+    server, client = ends.world.executor(ends.server_node), ends.world.executor(ends.node)
+    ends.world.spin_executor_until(lambda: ends.client._calls, server)
+    future.cancel()
+    ends.world.spin_executor_until(lambda: not ends.client._calls, client)
+    assert future.cancelled() and future.result() is None
+
+
 def test_an_async_callback_and_a_cancellation(ends: Ends) -> None:
     is_asked = Future[bool]()
     handles: list[ServerGoalHandle] = []

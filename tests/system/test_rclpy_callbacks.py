@@ -86,6 +86,72 @@ class TestCallbacks:
         rclpy.spin(node)
         assert told == ["sum 3", "end"]
 
+    def test_a_nested_spin_does_not_enter_its_callbacks_again(self, world: World, node: Node) -> None:
+        """Neither the callback in which it is, nor the one around that; they come after it."""
+        told: list[str] = []
+        rounds: list[bool] = []
+
+        def spin(name: str) -> None:
+            told.append(f"{name} begins")
+            if told.count(f"{name} begins") == 1:
+                inner.reset()
+                outer.reset()
+                executor.spin_until_future_complete(gates[name], timeout_sec=WAIT_S)
+            told.append(f"{name} ends")
+
+        def end() -> None:
+            rounds.append(outer.is_queued and inner.is_queued)
+            if sum(rounds) > 3:  # both have been due again for some rounds
+                gates["inner"].set_result(None)
+                gates["outer"].set_result(None)
+
+        gates: dict[str, Future[None]] = {"inner": Future(), "outer": Future()}
+        outer = node.create_timer(0, lambda: spin("outer"))
+        inner = node.create_timer(0, lambda: spin("inner"))
+        node.create_timer(0, end, ReentrantCallbackGroup())
+        executor = world.executor(node)
+        ends = ("outer ends", "inner ends")
+        world.spin_executor_until(lambda: all(told.count(end) > 1 for end in ends), executor)
+        assert told[:4] == ["outer begins", "inner begins", "inner ends", "outer ends"]
+
+    def test_a_spin_in_another_thread_is_not_nested(self, world: World, node: Node) -> None:
+        """It may end after the callback, which may then be called again."""
+        began, gate = threading.Event(), threading.Event()
+        calls: list[None] = []
+
+        def hold() -> None:
+            calls.append(None)
+            began.set()
+            gate.wait(WAIT_S)
+
+        def until() -> bool:
+            gate.set()
+            wait_until(lambda: executor.called is None)
+            return True
+
+        guard = node.create_guard_condition(hold)
+        executor: Any
+        with world.spinning(node) as executor:
+            guard.trigger()
+            began.wait(WAIT_S)
+            executor._spin_once(0, 1, until)
+            assert executor.called is None and not guard.is_closed
+            guard.trigger()
+            wait_until(lambda: len(calls) == 2)
+
+    def test_a_nested_spin_in_a_reentrant_group_enters_it_again(self, world: World, node: Node) -> None:
+        depth: list[int] = []
+
+        def spin() -> None:
+            depth.append(len(depth))
+            if len(depth) < 3:
+                world.spin_executor_until(lambda: len(depth) == 3, executor)
+
+        node.create_timer(0, spin, ReentrantCallbackGroup())
+        executor = world.executor(node)
+        world.spin_executor_until(lambda: depth, executor)
+        assert depth[:3] == [0, 1, 2]
+
     @every_kind
     def test_calls_of_services_in_a_callback(self, world: World, node: Node, kind: Kind) -> None:
         told: list[int] = []

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from bus_ros.rclpy import publisher as publishers
-from bus_ros.rclpy.callback_groups import ReentrantCallbackGroup
+from bus_ros.rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
 from bus_ros.rclpy.duration import Duration
 from bus_ros.rclpy.event_handler import (
     PublisherEventCallbacks,
@@ -24,8 +24,9 @@ from bus_ros.rclpy.qos import (
     ReliabilityPolicy,
     qos_profile_sensor_data,
 )
+from bus_ros.rclpy.task import Future
 from conftest import WAIT_S
-from rclpy_world import Int64, Kind, World, arguments, every_kind, wait_until, world
+from rclpy_world import Int64, Kind, World, arguments, every_kind, trigger, wait_until, world
 
 __all__ = ["arguments", "world"]
 
@@ -182,3 +183,86 @@ def test_events_come_in_worker_threads_too(world: World, node: Node) -> None:
         )
         wait_until(lambda: said)
     assert said[0].startswith("rclpy executor")
+
+
+@every_kind
+def test_async_callbacks_of_events_are_awaited(world: World, node: Node, kind: Kind) -> None:
+    """They may also wait for something."""
+    told: list[Any] = []
+    gate: Future[None] = Future()
+
+    async def tell(info: Any) -> None:
+        told.append(type(info))
+        await gate
+        told.append("end")
+
+    with world.spinning(node, kind=kind):
+        node.create_publisher(Int64, "t", 10, event_callbacks=PublisherEventCallbacks(matched=tell))
+        node.create_subscription(Int64, "t", print, 10)
+        wait_until(lambda: told)
+        gate.set_result(None)
+        wait_until(lambda: len(told) == 2)
+    assert told == [QoSPublisherMatchedInfo, "end"]
+
+
+def test_events_are_called_in_the_group_of_their_endpoint(world: World, node: Node) -> None:
+    """So they never run at the same time as the subscription's callback."""
+    told: list[Any] = []
+    groups = [MutuallyExclusiveCallbackGroup() for _ in range(2)]
+
+    def tell(group: Any) -> None:
+        wait_until(lambda: not group.can_execute(None))  # the executor notes it while it hands over the call
+        told.append(group)
+
+    with world.spinning(node, kind=lambda: MultiThreadedExecutor(2)):
+        publisher = node.create_publisher(
+            Int64,
+            "t",
+            10,
+            callback_group=groups[0],
+            event_callbacks=PublisherEventCallbacks(matched=lambda _: tell(groups[0])),
+        )
+        node.create_subscription(
+            Int64,
+            "t",
+            print,
+            10,
+            callback_group=groups[1],
+            event_callbacks=SubscriptionEventCallbacks(matched=lambda _: tell(groups[1])),
+        )
+        wait_until(lambda: len(told) == 2)
+    assert {*told} == {*groups}
+    assert {one.callback_group for one in publisher.event_handlers} == {groups[0]}
+
+
+def test_events_that_wait_are_one(world: World, node: Node) -> None:
+    """A kind of event is a state: its callback gets the changes since its last call."""
+    said: list[Any] = []
+    publisher = node.create_publisher(
+        Int64, "t", 10, event_callbacks=PublisherEventCallbacks(matched=said.append)
+    )
+    other = world.node("other")
+    subscriptions = [other.create_subscription(Int64, "t", print, 10) for _ in range(3)]
+    other.destroy_subscription(subscriptions[0])
+    wait_until(lambda: publisher.native.matches and len(publisher.native.matches) == 2)
+    world.spin_until(lambda: said)
+    other.destroy_subscription(subscriptions[1])
+    world.spin_until(lambda: len(said) == 2)
+    assert said == [QoSPublisherMatchedInfo(3, 3, 2, 2), QoSPublisherMatchedInfo(3, 0, 1, -1)]
+
+
+def test_no_events_after_the_end_of_an_endpoint(world: World, node: Node) -> None:
+    said: list[Any] = []
+    publisher = node.create_publisher(
+        Int64, "t", 10, event_callbacks=PublisherEventCallbacks(matched=said.append)
+    )
+    subscription = node.create_subscription(
+        Int64, "t", print, 10, event_callbacks=SubscriptionEventCallbacks(matched=said.append)
+    )
+    wait_until(lambda: len(node.waiting) >= 2)
+    node.destroy_publisher(publisher)
+    node.destroy_subscription(subscription)
+    done: list[None] = []
+    trigger(node, lambda: done.append(None))
+    world.spin_until(lambda: done)
+    assert said == []

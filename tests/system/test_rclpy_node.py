@@ -24,6 +24,7 @@ from bus_ros.rclpy.exceptions import (
 from bus_ros.rclpy.executors import SingleThreadedExecutor
 from bus_ros.rclpy.node import Node
 from bus_ros.rclpy.qos import QoSProfile, ReliabilityPolicy
+from bus_ros.rclpy.service_introspection import ServiceIntrospectionState
 from bus_ros.rclpy.subscription_content_filter_options import ContentFilterOptions
 from bus_ros.rclpy.topic_endpoint_info import EndpointTypeEnum
 from bus_ros.rosidl import message_class
@@ -375,6 +376,33 @@ class TestGraph:
         with_it.get_logger().info("heard")
         world.spin_until(lambda: heard, with_it)
         assert [(one.name, one.msg) for one in heard] == [("with_it", "heard")]
+
+
+def test_a_node_destroys_only_its_own(world: World) -> None:
+    owner, other = world.node("owner"), world.node("other")
+    rate = owner.create_rate(100)
+    parts: dict[str, Any] = {
+        "publisher": owner.create_publisher(Int64, "t", 10),
+        "subscription": owner.create_subscription(Int64, "t", nothing, 10),
+        "client": owner.create_client(AddTwoInts, "add"),
+        "service": owner.create_service(AddTwoInts, "add", nothing),
+        "timer": owner.create_timer(100, nothing),
+        "guard_condition": owner.create_guard_condition(nothing),
+    }
+    parts["client"].configure_introspection(owner.get_clock(), 10, ServiceIntrospectionState.METADATA)
+    for kind, part in parts.items():
+        assert getattr(other, f"destroy_{kind}")(part) is False
+        assert not part.is_destroyed
+    assert parts["client"].events is not None
+    assert other.destroy_rate(rate) is False
+    rate.sleep()
+    for kind, part in parts.items():
+        assert getattr(owner, f"destroy_{kind}")(part) is True
+        assert part.is_destroyed
+        assert getattr(owner, f"destroy_{kind}")(part) is False
+    assert owner.destroy_rate(rate) is True
+    with pytest.raises(RuntimeError, match="it has been destroyed"):
+        rate.sleep()
 
 
 def test_calls_in_series_change_threads_once(world: World, monkeypatch: pytest.MonkeyPatch) -> None:

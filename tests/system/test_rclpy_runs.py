@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from bus_ros.rclpy.callback_groups import ReentrantCallbackGroup
-from bus_ros.rclpy.executors import MultiThreadedExecutor
+from bus_ros.rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from bus_ros.rclpy.node import Node
 from rclpy_world import Int64, Kind, World, arguments, arrived, every_kind, trigger, wait_until, world
 
@@ -99,6 +99,35 @@ def test_the_rest_of_a_run_is_for_the_next(world: World, node: Node, kind: Kind)
     assert heard == list(range(251))
     world.spin_executor_until(lambda: len(heard) == COUNT, second)
     assert heard == list(range(COUNT))
+
+
+@pytest.mark.parametrize("kind", [SingleThreadedExecutor, lambda: MultiThreadedExecutor(2)])
+def test_a_nested_spin_keeps_the_order(world: World, node: Node, kind: Kind) -> None:
+    """A callback that spins is in no other call meanwhile, while callbacks of other groups are called."""
+    heard: list[int] = []
+    inside, most, others = 0, 0, 0
+
+    def count() -> None:
+        nonlocal others
+        others += 1
+
+    def hear(message: Any) -> None:
+        nonlocal inside, most
+        inside += 1
+        most = max(most, inside)
+        heard.append(message.data)
+        if message.data % 3 == 0:
+            executor.spin_once(timeout_sec=0)
+        if message.data == COUNT - 1:
+            executor.shutdown()
+        inside -= 1
+
+    fill(node, node.create_subscription(Int64, "t", hear, COUNT))
+    node.create_timer(0, count, ReentrantCallbackGroup())
+    executor = world.executor(node, kind=kind)
+    executor.spin()
+    assert heard == list(range(COUNT))
+    assert most == 1 and others > 0
 
 
 def test_callbacks_of_a_group_never_meet(world: World, node: Node) -> None:

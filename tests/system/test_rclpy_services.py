@@ -9,6 +9,7 @@ import pytest
 
 import bus_ros.rclpy as rclpy
 from bus.errors import ServiceError
+from bus.service.client import MAX_PENDING
 from bus_ros.rclpy.callback_groups import ReentrantCallbackGroup
 from bus_ros.rclpy.client import Client
 from bus_ros.rclpy.exceptions import InvalidHandle
@@ -102,6 +103,24 @@ def test_done_callbacks_and_many_futures_at_once(world: World, server: Node, cli
         client.call_async(asked(number)).add_done_callback(lambda done: sums.append(done.result().sum))
     world.spin_until(lambda: len(sums) == 500)
     assert sums == list(range(500))
+
+
+def test_a_cancelled_call_is_forgotten(world: World, server: Node, node: Node, client: Client) -> None:
+    """Its answer is ignored, also if it waits for the executor already."""
+    futures = [client.call_async(asked(1)) for _ in range(MAX_PENDING)]
+    for future in futures:
+        future.cancel()
+    assert client.native.statistics().pending == 0 and client._futures == {}
+    server.create_service(AddTwoInts, "add", add)
+    assert client.wait_for_service(timeout_sec=WAIT_S)
+    cancelled = client.call_async(asked(2))
+    with world.spinning(server):
+        wait_until(lambda: client._answers)
+        cancelled.cancel()
+        kept = client.call_async(asked(3))
+        rclpy.spin_until_future_complete(node, kept, timeout_sec=WAIT_S)
+    assert kept.result().sum == 3
+    assert cancelled.cancelled() and cancelled.result() is None
 
 
 def test_a_service_that_is_not_there(world: World, server: Node, client: Client) -> None:

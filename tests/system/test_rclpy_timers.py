@@ -64,6 +64,30 @@ class TestTimers:
         timer.callback = lambda: calls.append(None)  # another signature, from the next call on
         world.spin_until(lambda: len(calls) > 0)
 
+    def test_a_parameter_for_the_times_may_have_a_default_or_need_its_name(
+        self, world: World, node: Node
+    ) -> None:
+        infos: dict[str, TimerInfo | None] = {}
+
+        def last(count: int = 3, info: TimerInfo | None = None, *, times: TimerInfo) -> None:
+            assert (count, info) == (3, None)
+            infos["last"] = times
+
+        def default(info: TimerInfo = None) -> None:  # type: ignore[assignment]
+            infos["default"] = info
+
+        async def named(*, info: TimerInfo) -> None:
+            infos["named"] = info
+
+        def other(info: Any = None) -> None:
+            infos["other"] = info
+
+        timers = [node.create_timer(0.001, callback) for callback in (last, default, named, other)]
+        world.spin_until(lambda: len(infos) == 4)
+        assert infos.pop("other") is None
+        assert all(isinstance(one, TimerInfo) for one in infos.values())
+        assert timers[1].callback is default
+
     def test_the_times_of_a_simulated_clock(self, world: World, node: Node) -> None:
         clock = ROSClock()
         clock.set_ros_time_override(Time(seconds=10, clock_type=ClockType.ROS_TIME))

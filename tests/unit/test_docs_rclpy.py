@@ -36,7 +36,7 @@ INSIDE = {
     "rclpy.publisher": {"why_closed"},
     "rclpy.subscription": {"message_info"},
     "rclpy.impl.rcutils_logger": {"level_of"},
-    "rclpy.task": {"UNFINISHED", "Step"},
+    "rclpy.task": {"UNFINISHED", "Answer", "Step"},
     "rclpy.serialization": {"native_bytes"},
     "rclpy.qos": {"from_native", "profile_of", "to_native"},
     "rclpy.validate_topic_name": {

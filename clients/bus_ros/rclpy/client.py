@@ -11,7 +11,7 @@ from bus_ros.rclpy.destroyable import Destroyable
 from bus_ros.rclpy.exceptions import InvalidHandle
 from bus_ros.rclpy.impl.introspected import Introspected
 from bus_ros.rclpy.qos import QoSProfile
-from bus_ros.rclpy.task import Future
+from bus_ros.rclpy.task import Answer, Future
 
 if TYPE_CHECKING:  # most programs have no clients
     from bus.service.client import ServiceClient
@@ -98,7 +98,8 @@ class Client(Entity, BaseClient):
         if self.is_destroyed:
             raise InvalidHandle(f"the client of service '{self.service_name}' is destroyed")
         with self._engine.loop:
-            future: Future[Any] = Future(executor=self.node.own_executor)
+            future: Answer[Any] = Answer(executor=self.node.own_executor)
+            future.drop = self.remove_pending_request
             number = self.native.send_request(request)
             if number:
                 self._futures[number] = future
@@ -147,9 +148,12 @@ class Client(Entity, BaseClient):
             waiter.set()
 
     def take(self, most: int) -> Work | None:
-        if not self._answers:
+        while self._answers:
+            future, outcome, number = self._answers.popleft()
+            if not future.done():
+                break
+        else:
             return None
-        future, outcome, number = self._answers.popleft()
         # There may have been no executor at the call, and a callback's exception must come out of `spin`.
         future._set_executor(self.node.own_executor)
         if isinstance(outcome, BusError):

@@ -25,6 +25,8 @@ from bus_ros.rclpy.impl.executor_parts import (
     WakeGuard,
     await_or_execute,
     put_in_order,
+    spin_nested,
+    woken_by,
 )
 from bus_ros.rclpy.impl.handover import Handover
 from bus_ros.rclpy.task import UNFINISHED, Future, Step, Task, begin
@@ -63,8 +65,7 @@ class ExternalShutdownException(Exception):
 class Executor:
     """Base of the executors. A program's own one defines `spin_once`, by `wait_for_ready_callbacks`."""
 
-    asks_always = False
-    """Even if no group is held, some ready entities may have to wait."""
+    asks_always = False  # even if no group is held, some ready entities may have to wait
 
     def __init__(self, *, context: Context | None = None) -> None:
         self._context = context or get_default_context()
@@ -81,10 +82,9 @@ class Executor:
         self._failures: deque[BaseException] = deque()
         self._is_shutdown = False
         self._only: list[ExecutedNode] | None = None  # the nodes asked for; None: all
-        self._until: Future[Any] | None = None  # the future that a program's own executor spins for
+        self._until: Callable[[], bool] | None = None  # a program's own executor spins until it is true
         self._guard: WakeGuard | None = WakeGuard(self.wake)
-        with self._engine.loop:
-            self._context.wake_at_end(self)
+        self._engine.post(self._context.wake_at_end, self)
 
     @property
     def is_shutdown(self) -> bool:
@@ -182,23 +182,17 @@ class Executor:
     def spin_until_future_complete(self, future: Future[Any], timeout_sec: float | None = None) -> None:
         """Work until `future` is done, or `timeout_sec` is over (None or negative: for ever)."""
         deadline_ns = deadline_after(timeout_sec)
-        future.call_when_done(self.wake)
-        try:
+        with woken_by(future, self.wake):
             while self._context.ok() and not self._is_shutdown and not future.done():
                 if deadline_ns and monotonic_ns() >= deadline_ns:
                     return
-                self._spin_once(deadline_ns, 1, future)
-        finally:
-            future.forget_waiter(self.wake)
+                self._spin_once(deadline_ns, 1, future.done)
 
     def spin_once_until_future_complete(self, future: Future[Any], timeout_sec: float | None = None) -> None:
         """Wait for one callback or for `future`."""
-        future.call_when_done(self.wake)
-        try:
+        with woken_by(future, self.wake):
             if not future.done():
-                self._spin_once(deadline_after(timeout_sec), 1, future)
-        finally:
-            future.forget_waiter(self.wake)
+                self._spin_once(deadline_after(timeout_sec), 1, future.done)
 
     def wait_for_ready_callbacks(
         self,
@@ -218,7 +212,7 @@ class Executor:
         timeout_s = timeout_sec.timeout if isinstance(timeout_sec, TimeoutObject) else timeout_sec
 
         def is_over() -> bool:
-            return condition() or (until is not None and until.done())
+            return condition() or (until is not None and until())
 
         if is_over():
             raise ConditionReachedException
@@ -243,7 +237,7 @@ class Executor:
         """Whether the program defines `spin_once` itself."""
         return type(self).spin_once is not Executor.spin_once
 
-    def _spin_once(self, deadline_ns: int, most: int, until: Future[Any] | None = None) -> None:
+    def _spin_once(self, deadline_ns: int, most: int, until: Callable[[], bool] | None = None) -> None:
         """Spin once by the `spin_once` of a program's own executor."""
         timeout_s = max(deadline_ns - monotonic_ns(), 0) / 1e9 if deadline_ns else None
         before, self._until = self._until, until
@@ -338,7 +332,7 @@ class Executor:
             group = entity.held_group
             if self._only is not None and entity.node not in self._only:
                 continue
-            if group is None or group.can_execute(entity):
+            if (group is None or group.can_execute(entity)) and not entity.is_closed:
                 del self.ready[index]
                 return entity
             self._engine.passed_over.add(self)
@@ -427,31 +421,38 @@ class Executor:
 class SingleThreadedExecutor(Executor):
     """Makes the calls in the spinning thread."""
 
-    def _spin_once(self, deadline_ns: int, most: int, until: Future[Any] | None = None) -> None:
+    called: Ready | None = None  # its callback runs: another spin is nested in it
+
+    def _spin_once(self, deadline_ns: int, most: int, until: Callable[[], bool] | None = None) -> None:
+        if self.called is not None and spin_nested(self, deadline_ns, most, until):
+            return
         loop = self._engine.loop
         with loop.guard:
-            found = self._next(deadline_ns, most, None if until is None else until.done)
+            found = self._next(deadline_ns, most, until)
             if found is not None:
-                entity, work = found
-                group = entity.held_group
-                # In one thread, calls exclude each other anyway.
-                holds_group = group is not None and group.is_shared
-                if holds_group:
-                    self._begin(entity)
+                entity, (function, arguments) = found
+                is_plain = not entity.is_step
+                if (group := entity.held_group) is not None and group.is_shared:
+                    self._begin(entity)  # other groups are not held: calls of one thread do not meet
+                    is_plain = False
         if loop.is_interrupted:
             loop.check()
         if found is None:
             return
-        if not holds_group and not isinstance(entity, Step):
-            result = work[0](*work[1])
+        if is_plain:
+            self.called = entity
+            try:
+                result = function(*arguments)
+            finally:
+                self.called = None
             if not entity.is_async or not isinstance(result, CoroutineType):
                 return
             with loop:
                 self._begin(entity)
-            work = begin, (result, lambda one: self._step(one, (), {}, entity).task)
+            function, arguments = lambda: result, ()  # the coroutine that was made
         has_ended = True
         try:
-            has_ended = self._run(entity, work)
+            has_ended = self._run(entity, (function, arguments))
         finally:
             if has_ended:
                 with loop:
@@ -525,10 +526,10 @@ class MultiThreadedExecutor(Executor):
             with self._engine.loop:
                 self._spinners -= 1
 
-    def _spin_once(self, deadline_ns: int, most: int, until: Future[Any] | None = None) -> None:
+    def _spin_once(self, deadline_ns: int, most: int, until: Callable[[], bool] | None = None) -> None:
         with self._engine.loop:
             try:
-                found = self._next(deadline_ns, most, None if until is None else until.done)
+                found = self._next(deadline_ns, most, until)
             except ExternalShutdownException:
                 if self._context.was_ended_by_signal:
                     raise
@@ -596,5 +597,4 @@ class MultiThreadedExecutor(Executor):
         return False
 
 
-EventsExecutor = SingleThreadedExecutor
-"""rclpy's EventsExecutor is another implementation of the same; busd has one."""
+EventsExecutor = SingleThreadedExecutor  # in rclpy another implementation of the same

@@ -7,17 +7,16 @@ shares. Private names are mangled, except names that rclpy has too: a program's 
 from collections.abc import Callable, Coroutine, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from copy import copy
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeVar
 from weakref import ref
 
 from bus.base.together import together
 from bus.errors import BusError
-from bus.events import PublisherEvents, SubscriptionEvents
 from bus.graph import Graph
 from bus.node import Node as NativeNode
 from bus.qos import QoSProfile as NativeProfile
 from bus_ros.engine import current, engine
-from bus_ros.entity import Calls, Entity
+from bus_ros.entity import Entity
 from bus_ros.rclpy.callback_groups import (
     CallbackGroup,
     MutuallyExclusiveCallbackGroup,
@@ -58,6 +57,7 @@ from bus_ros.rclpy.validate_topic_name import full_name, validate_topic_name
 if TYPE_CHECKING:  # most programs need none
     from bus_ros.rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
     from bus_ros.rclpy.executors import Executor
+    from bus_ros.rclpy.impl.endpoint_events import EndpointEvents
     from bus_ros.rclpy.qos_overriding_options import QoSOverridingOptions
 
 __all__ = [
@@ -127,8 +127,8 @@ class Node(BaseNode, NodeWaitables):
         NodeWaitables.__init__(self, self.__add, lambda entity: self.__remove(entity, None))
         self._default_callback_group = MutuallyExclusiveCallbackGroup()
         self._rate_group = ReentrantCallbackGroup()
-        self.__events = Calls(self, self._default_callback_group)
-        self.__entities: tuple[Entity, ...] = (self.__events,)
+        self.__entities: tuple[Entity, ...] = ()
+        self.__events: dict[Closable, Entity] = {}
         self.__publishers: tuple[Publisher[Any], ...] = ()
         self.__unopened: list[Service] | None = None
         self.timers: tuple[Timer, ...] = ()
@@ -232,17 +232,20 @@ class Node(BaseNode, NodeWaitables):
         check_is_valid_msg_type(msg_type)
         self.__check(topic)
         profile = self.__profile("publisher", topic, qos_profile, qos_overriding_options)
+        events = self.__make_events(event_callbacks, "publisher", callback_group)
         native = self.__engine.run(
             lambda: self.__native.create_publisher(
                 msg_type,  # type: ignore[type-var]
                 topic,
                 to_native(profile, for_publisher=True),
-                events=self.__publisher_events(event_callbacks),
+                events=None if events is None else events.native,
             )
         )
+        self.__add_events(events, native)
         make: Any = publisher_class or Publisher
         publisher: Publisher[M] = make(self.__engine, native, msg_type, profile, self)
         publisher.event_callbacks = event_callbacks
+        publisher._event_group = callback_group
         with self.__engine.loop:
             self.__publishers = (*self.__publishers, publisher)
         return publisher
@@ -269,15 +272,13 @@ class Node(BaseNode, NodeWaitables):
         check_arguments(callback)
         self.__check(topic)
         profile = self.__profile("subscription", topic, qos_profile, qos_overriding_options)
+        events = self.__make_events(event_callbacks, "subscription", callback_group)
         native = self.__engine.run(
             lambda: self.__native.create_subscription(
-                msg_type,
-                topic,
-                to_native(profile),
-                events=self.__subscription_events(event_callbacks),
-                raw=raw,
+                msg_type, topic, to_native(profile), events=None if events is None else events.native, raw=raw
             )
         )
+        self.__add_events(events, native)
         group = callback_group or self._default_callback_group
         made = Subscription(self.__engine, native, msg_type, callback, group, profile, raw, self)
         made.event_callbacks = event_callbacks
@@ -285,6 +286,7 @@ class Node(BaseNode, NodeWaitables):
             try:
                 made.set_content_filter(*content_filter_options)
             except RCLError:
+                self.__end_events(native)
                 self.__engine.run(native.close)
                 raise
         return self.__add(made)
@@ -342,7 +344,7 @@ class Node(BaseNode, NodeWaitables):
     ) -> Timer:
         """Call `callback` every `timer_period_sec` seconds, the first time after one period.
 
-        A callback that needs an argument gets a TimerInfo.
+        A callback gets a TimerInfo if it needs an argument, or has a parameter with this annotation.
         """
         period_ns = int(float(timer_period_sec) * 1e9)
         if period_ns < 0:
@@ -377,7 +379,7 @@ class Node(BaseNode, NodeWaitables):
         entity.is_queued = False
         return self.__add(entity)
 
-    # --- destroying
+    # --- destroying: an entity of another node stays as it is, and they return False
 
     def destroy_publisher(self, publisher: Publisher[Any]) -> bool:
         """Destroy a publisher; returns whether it belonged to this node."""
@@ -385,34 +387,39 @@ class Node(BaseNode, NodeWaitables):
             is_ours = publisher in self.__publishers
             self.__publishers = tuple(one for one in self.__publishers if one is not publisher)
         if is_ours:
+            self.__end_events(publisher.native)
             self.__engine.run(publisher.native.close)
         return is_ours
 
     def destroy_subscription(self, subscription: Subscription[Any]) -> bool:
+        self.__end_events(subscription.native)
         return self.__remove(subscription, subscription.native)
 
     def destroy_client(self, client: Client) -> bool:
-        client.forget_events()
-        return self.__remove(client, client.native)
+        if is_ours := self.__remove(client, client.native):
+            client.forget_events()
+        return is_ours
 
     def destroy_service(self, service: Service) -> bool:
-        service.forget_events()
-        return self.__remove(service, service.native)
+        if is_ours := self.__remove(service, service.native):
+            service.forget_events()
+        return is_ours
 
     def destroy_guard_condition(self, guard: GuardCondition) -> bool:
         return self.__remove(guard, None)
 
     def destroy_timer(self, timer: Timer) -> bool:
         with self.__engine.loop:
-            is_ours = timer in self.timers
+            if timer not in self.timers:
+                return False
             timer.is_destroyed = True
             timer.forget_clock()
             self.timers = tuple(one for one in self.timers if one is not timer)
-        return is_ours
+        return True
 
     def destroy_rate(self, rate: Rate) -> bool:
-        is_ours = self.destroy_timer(rate._timer)
-        rate.destroy()
+        if is_ours := self.destroy_timer(rate._timer):
+            rate.destroy()
         return is_ours
 
     def _evict_entity(self, entity: Entity, natives: "Closable") -> bool:
@@ -524,21 +531,24 @@ class Node(BaseNode, NodeWaitables):
             declare_qos_parameters(kind, self, self.__native.resolve_topic_name(topic), profile, options)
         return profile
 
-    def __publisher_events(self, callbacks: "PublisherEventCallbacks | None") -> PublisherEvents | None:
+    def __make_events(
+        self, callbacks: object, kind: Literal["publisher", "subscription"], group: CallbackGroup | None
+    ) -> "EndpointEvents | None":
         if callbacks is None:
             return None  # the bus warns of incompatible endpoints
-        from bus_ros.rclpy.event_handler import publisher_events
+        from bus_ros.rclpy.event_handler import publisher_events, subscription_events  # late: few have any
+        from bus_ros.rclpy.impl.endpoint_events import EndpointEvents
 
-        return publisher_events(callbacks, self.__events.put)
+        translate: Any = publisher_events if kind == "publisher" else subscription_events
+        return EndpointEvents(callbacks, translate, self, group or self._default_callback_group)
 
-    def __subscription_events(
-        self, callbacks: "SubscriptionEventCallbacks | None"
-    ) -> SubscriptionEvents | None:
-        if callbacks is None:
-            return None
-        from bus_ros.rclpy.event_handler import subscription_events
+    def __add_events(self, events: Entity | None, native: "Closable") -> None:
+        if events is not None:
+            self.__events[native] = self.__add(events)
 
-        return subscription_events(callbacks, self.__events.put)
+    def __end_events(self, native: "Closable") -> None:
+        if (events := self.__events.pop(native, None)) is not None:
+            self.__remove(events, None)
 
     def __add(self, entity: E) -> E:
         with self.__engine.loop:
@@ -548,15 +558,16 @@ class Node(BaseNode, NodeWaitables):
 
     def __remove(self, entity: Entity, native: "Closable | None") -> bool:
         with self.__engine.loop:
-            is_ours = entity in self.__entities
+            if entity not in self.__entities:
+                return False
             entity.is_destroyed = True
             entity.leave()
             if entity in self.waiting:
                 self.waiting.remove(entity)
             self.__entities = tuple(one for one in self.__entities if one is not entity)
-        if is_ours and native is not None:
+        if native is not None:
             self.__engine.run(native.close)
-        return is_ours
+        return True
 
     def __forget_all(self) -> None:
         with self.__engine.loop:

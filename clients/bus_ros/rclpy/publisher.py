@@ -66,6 +66,7 @@ class Publisher(BasePublisher[M]):
     """Made by `Node.create_publisher`."""
 
     event_callbacks: "PublisherEventCallbacks | None" = None
+    _event_group: Any = None
 
     def __init__(
         self,
@@ -98,7 +99,8 @@ class Publisher(BasePublisher[M]):
         from bus_ros.rclpy.event_handler import PublisherEventCallbacks  # late: few programs ask
 
         callbacks = self.event_callbacks or PublisherEventCallbacks()
-        return callbacks.create_event_handlers(self.node.default_callback_group, self.handle, self.topic_name)
+        group = self._event_group or self.node.default_callback_group
+        return callbacks.create_event_handlers(group, self.handle, self.topic_name)
 
     @property
     def topic_name(self) -> str:

@@ -18,7 +18,7 @@ from typing import Any, Generic, Protocol, TypeVar
 from bus.base.printable import printable
 from bus_ros.entity import Entity, Group, Work
 
-__all__ = ["UNFINISHED", "Future", "FutureState", "Step", "Task"]
+__all__ = ["UNFINISHED", "Answer", "Future", "FutureState", "Step", "Task"]
 
 T = TypeVar("T")
 
@@ -208,6 +208,17 @@ class Future(Generic[T]):
         self._executor = None if executor is None else weakref.ref(executor)
 
 
+class Answer(Future[T]):
+    """The future of a request. `cancel` also drops the request: its answer is ignored."""
+
+    drop: "Callable[[Future[T]], object]"
+    """Set by the client right after it is made."""
+
+    def cancel(self) -> None:
+        super().cancel()
+        self.drop(self)
+
+
 class Task(Future[T]):
     """A function or a coroutine that an executor runs: each call of the task is one step.
 
@@ -346,6 +357,8 @@ class Step:
     is_exclusive = False
     is_single = True
     is_timer = False
+    is_step = True
+    is_closed = False
     place = (-1, 0)
 
     def __init__(self, task: Task[Any], go_on: "Callable[[Step], object]", holder: Entity | None) -> None:

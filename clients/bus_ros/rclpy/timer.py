@@ -1,5 +1,6 @@
 """Timers and rates. A timer keeps its phase and skips missed calls, as in ROS 2 (rcl/timer.c)."""
 
+import inspect
 from collections.abc import Callable
 from time import monotonic_ns
 
@@ -162,7 +163,7 @@ class BaseTimer(Handled):
 class Timer(Entity, BaseTimer):
     """Calls `callback` every `timer_period_ns`, first after one period; made by `Node.create_timer`.
 
-    A callback that needs an argument gets a TimerInfo.
+    A callback gets a TimerInfo if it needs an argument, or has a parameter with this annotation.
     """
 
     is_single = True
@@ -192,9 +193,11 @@ class Timer(Entity, BaseTimer):
 
     @callback.setter
     def callback(self, callback: Callable[..., object] | None) -> None:
-        self._callback = callback
+        self._callback = self._call = callback
         self.is_async = callback is not None and is_async(callback)
         self._wants_info = callback is not None and not takes(callback, 0) and takes(callback, 1)
+        if callback is not None and not self._wants_info and (name := _info_parameter(callback)):
+            self._wants_info, self._call = True, lambda info: callback(**{name: info})
 
     def destroy(self) -> None:
         self.node.destroy_timer(self)
@@ -215,7 +218,7 @@ class Timer(Entity, BaseTimer):
 
     def take(self, most: int) -> Work | None:
         now_ns = self._now_ns() if self.is_simulated else monotonic_ns()
-        due_ns, callback = self._next_ns, self._callback
+        due_ns, callback = self._next_ns, self._call
         if self._is_canceled or now_ns < due_ns or callback is None:
             return None
         self._advance(now_ns)
@@ -239,6 +242,16 @@ class Timer(Entity, BaseTimer):
 
     def _times_changed(self) -> None:
         engine().call(self.rearm)
+
+
+def _info_parameter(callback: Callable[..., object]) -> str | None:
+    """The parameter that gets the times by its annotation, as in rclpy. It may have a default."""
+    try:
+        parameters = inspect.signature(callback).parameters.values()
+    except (TypeError, ValueError):  # some functions in C
+        return None
+    by_name = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
+    return next((one.name for one in parameters if one.annotation is TimerInfo and one.kind in by_name), None)
 
 
 class Rate:

@@ -8,6 +8,7 @@ import weakref
 from collections import Counter, deque
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from typing import Any, Final
 
 from bus.errors import BusError, ServiceUnavailable
@@ -29,7 +30,7 @@ from bus_ros.rclpy.callback_groups import CallbackGroup
 from bus_ros.rclpy.exceptions import InvalidHandle
 from bus_ros.rclpy.node import Node
 from bus_ros.rclpy.qos import QoSProfile, qos_profile_action_status_default, qos_profile_services_default
-from bus_ros.rclpy.task import Future
+from bus_ros.rclpy.task import Answer, Future
 from bus_ros.rclpy.waitable import NumberOfEntities
 
 __all__ = ["ActionClient", "ClientGoalHandle", "GoalStatus"]  # noqa: F822 - made by __getattr__
@@ -127,7 +128,7 @@ class ActionClient(ActionEntity):
         self._pending_goal_requests: dict[int, tuple[Future[Any], Any, bytes]] = {}
         self._unanswered: Counter[bytes] = Counter()  # the same goals
         self._early_feedback: dict[bytes, deque[Any]] = {}  # of goals without an answer yet
-        self._pending_cancel_requests: dict[int, Future[Any]] = {}
+        self._pending_cancel_requests: dict[int, tuple[Future[Any]]] = {}
         self._pending_result_requests: dict[int, tuple[Future[Any], Any]] = {}
         self._waiters: list[Waiter] = []  # threads in waiting calls
         self._ends = ClientEndpoints()
@@ -191,7 +192,7 @@ class ActionClient(ActionEntity):
             raise TypeError
         goal_id = self._generate_random_uuid() if goal_uuid is None else goal_uuid
         request = self._support.send_goal.Request(goal_id=goal_id, goal=goal)
-        future: Future[Any] = Future(executor=self.node.own_executor)
+        future = self._future(self._drop_goal)
         key = bytes(goal_id.uuid)
         with self._engine.loop:
             number = self._send(self._ends.goal, request)
@@ -227,10 +228,10 @@ class ActionClient(ActionEntity):
         _check_handle(goal_handle)
         request = self._support.cancel_goal.Request()
         request.goal_info.goal_id = goal_handle.goal_id
-        future: Future[Any] = Future(executor=self.node.own_executor)
+        future = self._future(partial(self._drop, self._ends.cancel, self._pending_cancel_requests))
         with self._engine.loop:
             if self._is_served(self._ends.cancel, future):
-                self._pending_cancel_requests[self._send(self._ends.cancel, request)] = future
+                self._pending_cancel_requests[self._send(self._ends.cancel, request)] = (future,)
         return future
 
     def _get_result(self, goal_handle: ClientGoalHandle) -> Any:
@@ -238,10 +239,31 @@ class ActionClient(ActionEntity):
 
     def _get_result_async(self, goal_handle: ClientGoalHandle) -> Future[Any]:
         _check_handle(goal_handle)
-        future: Future[Any] = Future(executor=self.node.own_executor)
+        future = self._future(partial(self._drop, self._ends.result, self._pending_result_requests))
         with self._engine.loop:
             self._ask_for_result(future, goal_handle.goal_id)
         return future
+
+    # --- inside
+
+    def _future(self, drop: Callable[[Future[Any]], object]) -> Answer[Any]:
+        future: Answer[Any] = Answer(executor=self.node.own_executor)
+        future.drop = drop
+        return future
+
+    def _drop(self, end: Any, pending: dict[int, Any], future: Future[Any]) -> Any:
+        """Ignore the answer of a pending request; returns what was kept for it, None if it has an answer."""
+        with self._engine.loop:
+            for number, one in tuple(pending.items()):
+                if one[0] is future:
+                    end.forget(number)
+                    return pending.pop(number, None)
+        return None
+
+    def _drop_goal(self, future: Future[Any]) -> None:
+        if (pending := self._drop(self._ends.goal, self._pending_goal_requests, future)) is not None:
+            self._count_answer(pending[2])
+            self._hand_early_feedback(pending[2])
 
     # --- inside, under the guard
 
@@ -263,7 +285,7 @@ class ActionClient(ActionEntity):
         try:
             end._check_served()
         except ServiceUnavailable:
-            self._put(future.set_exception, self._unavailable())
+            self._put(_finish, future, self._unavailable())
             return False
         return True
 
@@ -314,20 +336,28 @@ class ActionClient(ActionEntity):
     # --- calls of the executor, or of a waiting thread
 
     def _finish_goal(self, number: int, outcome: Any) -> None:
-        future, goal_id, key = self._pending_goal_requests.pop(number)
+        if (pending := self._pending_goal_requests.pop(number, None)) is None:
+            return  # cancelled meanwhile
+        future, goal_id, key = pending
+        self._count_answer(key)
+        try:
+            self._answer_goal(future, goal_id, key, outcome)
+        finally:
+            self._hand_early_feedback(key)
+
+    def _count_answer(self, key: bytes) -> None:
         with self._engine.loop:
             self._unanswered[key] -= 1
             if not self._unanswered[key]:
                 del self._unanswered[key]
-        try:
-            self._answer_goal(future, goal_id, key, outcome)
-        finally:
-            with self._engine.loop:
-                callback = self._feedback_callbacks.get(key)
-                for message in self._early_feedback.pop(key, ()):
-                    if callback is not None:
-                        self._put(callback, message)
-                self.notify()
+
+    def _hand_early_feedback(self, key: bytes) -> None:
+        with self._engine.loop:
+            callback = self._feedback_callbacks.get(key)
+            for message in self._early_feedback.pop(key, ()):
+                if callback is not None:
+                    self._put(callback, message)
+            self.notify()
 
     def _answer_goal(self, future: Future[Any], goal_id: Any, key: bytes, outcome: Any) -> None:
         if isinstance(outcome, BusError):
@@ -348,12 +378,13 @@ class ActionClient(ActionEntity):
         future.set_result(goal_handle)
 
     def _finish_cancel(self, number: int, outcome: Any) -> None:
-        _finish(self._pending_cancel_requests.pop(number), outcome)
+        if (pending := self._pending_cancel_requests.pop(number, None)) is not None:
+            _finish(pending[0], outcome)
 
     def _finish_result(self, number: int, outcome: Any) -> None:
-        future, goal_id = self._pending_result_requests.pop(number)
-        self._feedback_callbacks.pop(bytes(goal_id.uuid), None)
-        _finish(future, outcome)
+        if (pending := self._pending_result_requests.pop(number, None)) is not None:
+            self._feedback_callbacks.pop(bytes(pending[1].uuid), None)
+            _finish(pending[0], outcome)
 
     def _apply_status(self, message: Any) -> None:
         if not self._goal_handles:
@@ -401,6 +432,8 @@ class ActionClient(ActionEntity):
 
 
 def _finish(future: Future[Any], outcome: Any) -> None:
+    if future.done():
+        return  # cancelled meanwhile
     if isinstance(outcome, BusError):
         future.set_exception(outcome)
     else:

@@ -9,6 +9,7 @@ from typing import Any
 
 from bus_ros.engine import engine
 from bus_ros.rclpy.destroyable import Handle
+from bus_ros.rclpy.impl.endpoint_events import changes_of, merged
 from bus_ros.rclpy.impl.wait_set import Source
 
 __all__ = ["EventHandle"]
@@ -28,7 +29,7 @@ class EventHandle(Source):
             raise TypeError(f"events are of publishers and subscriptions, not of {parent.owner or parent!r}")
         with engine().loop:
             self._value = watch(event_type, self._come)
-            self._is_new = any(getattr(self._value, name) for name in _changes(self._value))
+            self._is_new = any(getattr(self._value, name) for name in changes_of(self._value))
 
     def is_ready(self) -> bool:
         return self._is_new
@@ -38,15 +39,10 @@ class EventHandle(Source):
         self.check()
         with engine().loop:
             value, self._is_new = self._value, False
-            self._value = value._replace(**dict.fromkeys(_changes(value), 0))
+            self._value = value._replace(**dict.fromkeys(changes_of(value), 0))
         return value
 
     def _come(self, callback: object, value: Any) -> None:
         """Add an event; under the guard."""
-        added = {name: getattr(self._value, name) + getattr(value, name) for name in _changes(value)}
-        self._value, self._is_new = value._replace(**added), True
+        self._value, self._is_new = merged(self._value, value), True
         self._notify()
-
-
-def _changes(value: Any) -> list[str]:
-    return [name for name in value._fields if name.endswith("_change")]

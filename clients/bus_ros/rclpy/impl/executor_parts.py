@@ -1,7 +1,9 @@
 """Small parts of executors: errors, the interface of their nodes, and names for executors of programs."""
 
+import sys
 from collections import deque
-from collections.abc import Callable, Coroutine, Iterable
+from collections.abc import Callable, Coroutine, Iterable, Iterator
+from contextlib import contextmanager
 from operator import attrgetter
 from typing import Any, Protocol
 from weakref import ref
@@ -17,6 +19,8 @@ __all__ = [
     "WakeGuard",
     "await_or_execute",
     "put_in_order",
+    "spin_nested",
+    "woken_by",
 ]
 
 _PLACE = attrgetter("place")
@@ -49,6 +53,51 @@ def put_in_order(ready: deque[Any]) -> None:
     ordered = sorted(ready, key=_PLACE)
     ready.clear()
     ready.extend(ordered)
+
+
+def spin_nested(executor: Any, *args: Any) -> bool:
+    """Spin in the callback of `executor.called`, without a second call of it: the entity waits in its queue.
+
+    Returns False, and does not spin, if the entity may get calls, or waits already. Entities of reentrant
+    groups, actions and clients may get several calls at a time. So may all if another thread makes the call.
+    """
+    entity, engine = executor.called, executor._engine
+    if entity is None or not entity.rank or entity.held_group is None:  # None: it has just ended
+        return False
+    if not entity.is_exclusive or entity.is_closed or not _is_calling(executor):
+        return False
+    with engine.loop:
+        entity.is_closed = True
+        engine.held += 1  # so executors look at each entity
+    try:
+        executor._spin_once(*args)
+        return True
+    finally:
+        executor.called = entity
+        with engine.loop:
+            entity.is_closed = False
+            engine.held -= 1
+            while engine.passed_over:
+                engine.passed_over.pop().wake_up()
+
+
+def _is_calling(executor: Any) -> bool:
+    """Whether this thread is in a call of the executor. To note the thread of each call would cost more."""
+    spin = sys._getframe(2)  # of `_spin_once`, which called `spin_nested`
+    frame = spin.f_back
+    while frame is not None and (frame.f_code is not spin.f_code or frame.f_locals["self"] is not executor):
+        frame = frame.f_back
+    return frame is not None
+
+
+@contextmanager
+def woken_by(future: Any, wake: Callable[[], None]) -> Iterator[None]:
+    """Call `wake` when the future is done."""
+    future.call_when_done(wake)
+    try:
+        yield
+    finally:
+        future.forget_waiter(wake)
 
 
 async def await_or_execute(callback: Callable[..., Any], *args: Any) -> Any:

@@ -29,6 +29,7 @@ from bus_ros.rclpy.event_handler import (
     subscription_events,
 )
 from bus_ros.rclpy.exceptions import ParameterAlreadyDeclaredException
+from bus_ros.rclpy.impl.endpoint_events import EndpointEvents
 from bus_ros.rclpy.qos import HistoryPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
 from bus_ros.rclpy.qos_overriding_options import (
     InvalidQosOverridesError,
@@ -126,6 +127,36 @@ def test_without_callbacks_the_bus_warns_unless_told_not_to(kind: Any, events_of
     assert loud.incompatible_qos is loud.incompatible_type is loud.matched is silent.matched is None
     fire(silent, incompatible_qos=QOS, incompatible_type=TYPE)
     assert line.calls == []
+
+
+def test_one_value_of_each_kind_waits() -> None:
+    """The newer one, with the changes of all since the last call."""
+    node: Any = SimpleNamespace(own_executor=None, waiting=[])
+    group: Any = None
+    told: list[Any] = []
+    callbacks = SubscriptionEventCallbacks(
+        liveliness=told.append, incompatible_qos=told.append, message_lost=told.append
+    )
+    events = EndpointEvents(callbacks, subscription_events, node, group)
+    fire(
+        events.native,
+        incompatible_qos=QOS,
+        liveliness_changed=native.LivelinessChanged(1, 2, 3, 4),
+        message_lost=native.MessageLost(7, 2, {"replaced": 7}),
+    )
+    fire(
+        events.native,
+        incompatible_qos=QOS._replace(total_count=4, policy="DURABILITY"),
+        liveliness_changed=native.LivelinessChanged(5, 6, -7, 8),
+    )
+    while (work := events.take(1)) is not None:
+        work[0](*work[1])
+    assert told == [
+        QoSRequestedIncompatibleQoSInfo(4, 2, QoSPolicyKind.DURABILITY),
+        QoSLivelinessChangedInfo(5, 6, -4, 12),
+        QoSMessageLostInfo(7, 2),
+    ]
+    assert node.waiting == [events]
 
 
 def test_names_of_humble_and_rolling() -> None:
