@@ -151,8 +151,11 @@ class _Options:
             raise BagError(f"compression_mode '{mode}' is none of 'none', 'file', 'message'")
         if kind not in ("", "zstd"):
             raise BagError(f"compression_format '{kind}' can't be written; use 'zstd'")
-        is_compressed = mode in ("file", "message")
-        return preset or ("zstd_fast" if is_compressed else "none")
+        if mode not in ("file", "message"):
+            return preset or "none"
+        if preset == "fastwrite":
+            raise BagError("compression_mode compresses chunks, and a file of 'fastwrite' has none")
+        return "zstd_fast" if preset in ("", "none") else preset
 
     def _wanted(self) -> Wanted | None:
         names: dict[str, Any] = {}

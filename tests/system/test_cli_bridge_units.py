@@ -61,6 +61,10 @@ def test_written_and_removed(folder: Path, bus: Bus) -> None:
     assert bus("zenoh", "uninstall")[1] == "No unit is installed\n"
 
 
+def test_the_machines_unit_is_removed_without_the_user(folder: Path, bus: Bus) -> None:
+    assert bus("zenoh", "uninstall", "--system", "--domain", "4711")[:2] == (0, "No unit is installed\n")
+
+
 def test_its_command_has_the_options(folder: Path, bus: Bus, tmp_path: Path) -> None:
     config = tmp_path / "my robot.toml"
     config.write_text('[bridge.ros2]\nid = "other"\n')

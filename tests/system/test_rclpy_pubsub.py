@@ -297,19 +297,21 @@ class TestPublishing:
         world.spin_until(lambda: len(heard) == 31)
         assert heard == list(range(31))
 
+    @pytest.mark.parametrize("is_encoded", [False, True])
     def test_keep_all_waits_for_room_and_gives_up(
-        self, world: World, node: Node, monkeypatch: pytest.MonkeyPatch
+        self, world: World, node: Node, monkeypatch: pytest.MonkeyPatch, is_encoded: bool
     ) -> None:
         other = world.node("other")
         heard: list[int] = []
         other.create_subscription(String, "t", lambda message: heard.append(len(message.data)), KEEP_ALL)
         publisher = node.create_publisher(String, "t", KEEP_ALL)
         big = String(data="x" * 1_000_000)
+        message = serialize_message(big) if is_encoded else big
         monkeypatch.setattr(publishers, "ROOM_S", 0.2)
         sent = 0
         with pytest.raises(RuntimeError, match=r"failed to publish on '/t'.*keep_all keeps all"):
             while sent < 1000:
-                publisher.publish(big)
+                publisher.publish(message)
                 sent += 1
         assert 0 < sent < 1000
         monkeypatch.undo()

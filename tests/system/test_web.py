@@ -511,7 +511,7 @@ def test_counters_that_lie(daemon: Daemon) -> None:
             told = viewer.hear("rates", lambda told: told["topics"].get("/topic", [None])[0])
         rate, _, queued, _, lost, *_ = told["topics"]["/topic"]
         assert 20 < rate < 200
-        assert (queued >= 6 * MAX_COUNT, lost >= 6 * 16 * MAX_COUNT) == (True, True)
+        assert (queued, lost >= 6 * 16 * MAX_COUNT) == (MAX_COUNT, True)
         for words in (
             ("top", "--once", "-d", "0.2"),
             ("top", "--once", "--json", "-d", "0.2"),

@@ -88,7 +88,7 @@ def _as_in_a_traceback(error: bus.BusError) -> str:
 
 TEXTS = [
     *_refusals(),
-    _as_in_a_traceback(bus.QuotaExceeded("endpoints", used=4096, limit=4096)),
+    _as_in_a_traceback(bus.QuotaExceeded("endpoints of a process", used=4096, limit=4096)),
     _as_in_a_traceback(bus.PayloadTooLarge("/map", size_bytes=73400328, limit_bytes=67108864)),
     f"BrokerUnavailable: {no_answer(SOCKET, CONNECT_S)}",
     f"busd: {AlreadyRunning(Path(SOCKET), 4711)}",

@@ -1,5 +1,6 @@
 """Publishers of the facade: a native publisher, used under the guard by any publishing thread."""
 
+from collections.abc import Callable, Coroutine
 from contextlib import suppress
 from enum import IntEnum
 from functools import cached_property
@@ -9,6 +10,7 @@ from bus.endpoint.endpoint import core_of
 from bus.errors import ConnectionClosed
 from bus.publisher import Publisher as NativePublisher
 from bus.types.support import type_support
+from bus.wire.runs import Buffer
 from bus_ros.engine import Engine
 from bus_ros.rclpy.destroyable import Destroyable
 from bus_ros.rclpy.duration import Duration
@@ -172,7 +174,7 @@ class Publisher(BasePublisher[M]):
         if self._loop.is_interrupted:
             self._loop.check()
         if not is_taken:
-            self._wait_for_room(msg)
+            self._wait_for_room(lambda: self.native.send(msg))
 
     def _watch_event(self, event_type: IntEnum, enqueue: Any) -> Any:
         from bus_ros.rclpy.event_handler import watch_event  # late: few programs have wait sets
@@ -188,11 +190,15 @@ class Publisher(BasePublisher[M]):
         except ConnectionClosed as error:
             raise why_closed(self, error) from None
         if not is_taken:
-            raise RuntimeError(f"no room to publish on '{self.topic_name}'")
+            self._wait_for_room(lambda: self._send_encoded(data))
 
-    def _wait_for_room(self, msg: M) -> None:
+    async def _send_encoded(self, data: Buffer) -> None:
+        while not self.native.publish_encoded(data):
+            await self.native.wait_for_room()
+
+    def _wait_for_room(self, send: Callable[[], Coroutine[Any, Any, None]]) -> None:
         try:
-            self._engine.run(lambda: self.native.send(msg), ROOM_S)
+            self._engine.run(send, ROOM_S)
         except TimeoutError:
             raise RuntimeError(
                 f"failed to publish on '{self.topic_name}': the subscriptions have taken nothing for"

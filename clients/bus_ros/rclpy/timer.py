@@ -3,6 +3,7 @@
 import inspect
 from collections.abc import Callable
 from time import monotonic_ns
+from types import FunctionType
 
 from bus.base.callbacks import is_async, takes
 from bus_ros.engine import Engine, Lifetime, Waiter, engine
@@ -246,9 +247,12 @@ class Timer(Entity, BaseTimer):
 
 def _info_parameter(callback: Callable[..., object]) -> str | None:
     """The parameter that gets the times by its annotation, as in rclpy. It may have a default."""
+    function = getattr(callback, "__func__", callback)
     try:
+        if isinstance(function, FunctionType) and TimerInfo not in function.__annotations__.values():
+            return None  # most callbacks: `inspect` need not be loaded
         parameters = inspect.signature(callback).parameters.values()
-    except (TypeError, ValueError):  # some functions in C
+    except (TypeError, ValueError, NameError):  # some functions in C; names that are not defined
         return None
     by_name = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
     return next((one.name for one in parameters if one.annotation is TimerInfo and one.kind in by_name), None)

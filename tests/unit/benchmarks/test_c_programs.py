@@ -1,5 +1,6 @@
 """benchmarks/c: the programs in C do their work and report errors in their arguments."""
 
+import fcntl
 import shutil
 import subprocess
 import sys
@@ -25,7 +26,10 @@ SYSTEMS = [pytest.param(one, id=one.name) for one in c_client.SYSTEMS]
 def program() -> Path:
     folder = ROOT / "benchmarks" / "c"
     bus = Path(sys.executable).with_name("bus")
-    subprocess.run(["make", "-C", folder, f"BUS={bus}"], check=True, capture_output=True)
+    # One worker at a time: a program that another one is still linking can't be started.
+    with (folder / "Makefile").open() as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        subprocess.run(["make", "-C", folder, f"BUS={bus}"], check=True, capture_output=True)
     return folder / "build" / "bare"
 
 

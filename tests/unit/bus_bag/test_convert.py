@@ -203,12 +203,25 @@ def test_what_was_lost_is_kept(tmp_path: Path) -> None:
         ),
         ("output_bags: [{uri: a, compression_mode: zip}]", "compression_mode 'zip' is none of"),
         ("output_bags: [{uri: a, compression_format: lz4}]", "compression_format 'lz4' can't be written"),
+        (
+            "output_bags: [{uri: a, compression_mode: file, storage_preset_profile: fastwrite}]",
+            "compression_mode compresses chunks, and a file of 'fastwrite' has none",
+        ),
     ],
 )
 def test_options_that_are_none(text: str, reason: str) -> None:
     with pytest.raises(BagError) as refused:
         read_outputs(text)
     assert str(refused.value).startswith(reason)
+
+
+@for_each(
+    ("preset", "expected"),
+    [("", "zstd_fast"), ("none", "zstd_fast"), ("zstd_small", "zstd_small")],
+)
+def test_the_preset_of_a_compressed_bag(preset: str, expected: str) -> None:
+    text = f"output_bags: [{{uri: a, compression_mode: file, storage_preset_profile: '{preset}'}}]"
+    assert [one.preset for one in read_outputs(text)] == [expected]
 
 
 def test_refused(tmp_path: Path) -> None:
