@@ -112,8 +112,8 @@ class Router:
         run.lifespan_ns = publisher.lifespan_ns
         history = publisher.history
         if history is not None and history.append(run):
-            history.trim()
-            self._meter.left -= history.steps // STAMPS_PER_UNIT
+            if history.trim():
+                self._meter.left -= history.steps // STAMPS_PER_UNIT
             self._overload.bound_history(now_ns, publisher)
         if publisher.crowds:
             self._fan_out(now_ns, publisher, run, gap, out, is_loss=not is_resumed)

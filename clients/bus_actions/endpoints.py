@@ -5,8 +5,8 @@ of them. Knows no goals: its maker passes a callback for each message.
 """
 
 import asyncio
+from collections import deque
 from collections.abc import Callable
-from contextlib import suppress
 from typing import Any, Final
 
 import msgspec
@@ -25,6 +25,7 @@ __all__ = ["ActionQoS", "ClientEndpoints", "ServerEndpoints"]
 
 _HIDDEN: Final = "/_action/"
 FEEDBACK: Final = f"{_HIDDEN}feedback"
+_MOST_LATE: Final = 1000
 
 
 class ActionQoS(msgspec.Struct, frozen=True, kw_only=True):
@@ -57,8 +58,7 @@ class ServerEndpoints:
     status: Publisher[Any]
 
     def __init__(self) -> None:
-        self._late: set[asyncio.Task[None]] = set()
-        """Answers that wait for room. The services bound their number."""
+        self._late: dict[ServiceServer, _LateAnswers] = {}
 
     async def open(
         self,
@@ -102,14 +102,11 @@ class ServerEndpoints:
         return self.goal.service_name.removesuffix(f"{_HIDDEN}send_goal")
 
     def answer(self, service: ServiceServer, request_id: RequestId, response: Any, error: str = "") -> None:
-        """As `respond` of the service. If there is no room (QoS keep all), the answer follows later."""
-        if not service.respond(request_id, response, error):
-            late = asyncio.create_task(
-                _answer_late(service, request_id, response, error),
-                name=f"an answer of {service.service_name}",
-            )
-            self._late.add(late)
-            late.add_done_callback(self._late.discard)
+        """As `respond` of the service. If there is no room (QoS keep all), the answer follows later; above
+        1000 such answers, the oldest is dropped."""
+        late = self._late.setdefault(service, _LateAnswers(service))
+        if late.waiting or not service.respond(request_id, response, error):
+            late.add(request_id, response, error)
 
     def answer_result(self, request_id: RequestId, response: Any, error: str = "") -> None:
         """As `answer`, after the feedback that was published before."""
@@ -191,11 +188,30 @@ class ClientEndpoints:
         await _close(self, ("goal", "cancel", "result", "feedback", "status"))
 
 
-async def _answer_late(service: ServiceServer, request_id: RequestId, response: Any, error: str) -> None:
-    with suppress(ConnectionClosed):
-        await service.wait_for_room()
-        while not service.respond(request_id, response, error):
-            await service.wait_for_room()
+class _LateAnswers:
+    """Answers of a service that wait for room, in their order."""
+
+    def __init__(self, service: ServiceServer) -> None:
+        self._service = service
+        self.waiting: deque[tuple[RequestId, Any, str]] = deque(maxlen=_MOST_LATE)
+        self._task: asyncio.Task[None] | None = None
+
+    def add(self, request_id: RequestId, response: Any, error: str) -> None:
+        self.waiting.append((request_id, response, error))
+        if self._task is None:
+            name = f"answers of {self._service.service_name}"
+            self._task = asyncio.create_task(self._send(), name=name)
+
+    async def _send(self) -> None:
+        try:
+            while self.waiting:
+                await self._service.wait_for_room()
+                while self.waiting and self._service.respond(*self.waiting[0]):
+                    self.waiting.popleft()
+        except ConnectionClosed:
+            self.waiting.clear()
+        finally:
+            self._task = None
 
 
 async def _close(ends: ServerEndpoints | ClientEndpoints, names: tuple[str, ...]) -> None:

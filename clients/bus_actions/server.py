@@ -37,8 +37,9 @@ from bus_actions.goal_table import CancelCode, Goal, GoalExists, GoalTable, TooM
 __all__ = ["ActionServer", "ActionServerStatistics", "ServerGoal"]
 
 _MOST_WAITING: Final = 1000
-_LONGEST_S: Final = 1e9
 """The most requests that may wait for the result of one goal."""
+_LONGEST_S: Final = 1e9
+"""A longer `result_timeout`, also an infinite one, counts as this."""
 _NS: Final = 1_000_000_000
 
 

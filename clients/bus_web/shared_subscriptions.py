@@ -100,6 +100,7 @@ class _Shared:
         self._kept.retain(self._topic, depths)
         if kind != self._kind:
             self._kind = kind
+            self.fault = ""
             self._is_other_type.set()
 
     def recent(self, *, is_last_wanted: bool) -> list[Heard]:

@@ -350,6 +350,7 @@ class TestWhereItIsUsed:
                 heard += 1
             working.result(WAIT_S)
         assert heard == sent[0] > 0
+        assert publisher.statistics().refused <= 2, "one for each call that found no room"
 
     def test_other_threads_may_log(
         self, node: bus.BlockingNode, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch

@@ -17,7 +17,7 @@ from typing import Any, cast
 
 import msgspec
 
-from bus.errors import ConfigurationError
+from bus.errors import ConfigurationError, ConnectionClosed
 from bus.graph import Graph, GraphEndpoint, GraphNode
 from bus.names import reply_topic, request_topic
 from bus.qos import QoSProfile
@@ -116,6 +116,8 @@ class ListNode:
         self.clients: dict[str, list[ListServiceClient]] = {}
 
     async def graph(self, *, statistics: bool) -> Graph:
+        if not self.is_connected:
+            raise ConnectionClosed("busd is away")
         assert self.now is not None
         return self.now
 

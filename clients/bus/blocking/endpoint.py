@@ -207,15 +207,17 @@ class BlockingPublisher(_BlockingEndpoint, Generic[M]):
         """Publish in another thread, which can't run the event loop, as soon as there is room."""
         deadline_ns, pause_s = deadline_after(timeout), _LEAST_PAUSE_S
         while True:
-            time.sleep(pause_s)
+            left_s = (deadline_ns - monotonic_ns()) / 1e9 if deadline_ns else pause_s
+            if left_s <= 0:
+                raise TimeoutError(f"no room on '{self.topic_name}' within {timeout:g} s")
+            time.sleep(min(pause_s, left_s))
             with self._guard:
                 is_taken = self._native.publish(message)
+                self._core.refused -= not is_taken  # it tries again
                 if self._core.sender.goes_by_socket:
                     self._send()
             if is_taken:
                 return
-            if deadline_ns and monotonic_ns() >= deadline_ns:
-                raise TimeoutError(f"no room on '{self.topic_name}' within {timeout:g} s")
             pause_s = min(2 * pause_s, _MOST_PAUSE_S)
 
 

@@ -390,7 +390,7 @@ class ServiceClient(ServiceBase):
         if not self._servers:
             return
         for number, call in tuple(self._calls.items()):
-            if not call.is_doubtful or not call.asked <= self._servers:
+            if not call.is_doubtful or call.is_lost or not call.asked <= self._servers:
                 continue
             call.looks_left -= 1
             if call.looks_left > 0 and not is_new:

@@ -46,9 +46,8 @@ def stop(path: Path) -> int | None:
         try:
             query.request(lambda number: StopBroker(request=number), Done)
             if not _wait(path, process):
-                raise CommandError(
-                    f"busd (pid {pid}) was asked to stop but is still there after {_STOP_S:g} s"
-                )
+                which = f" (pid {pid})" if pid else ""
+                raise CommandError(f"busd{which} was asked to stop but is still there after {_STOP_S:g} s")
         finally:
             if process is not None:
                 os.close(process)

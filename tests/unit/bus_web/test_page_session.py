@@ -91,7 +91,7 @@ async def test_a_page_learns_of_the_loss_of_busd_at_any_moment(monkeypatch: pyte
         running.append(group.create_task(PageSession(world.hub, late, "a bus").run()))
         for socket in (slow, late):
             await until(lambda socket=socket: any(one["op"] == "bus" for one in socket.texts()))
-            assert not next(one for one in socket.texts() if one["op"] == "bus")["is_up"]
+            assert [one["is_up"] for one in socket.texts() if one["op"] == "bus"] == [False]
         for task in running:
             task.cancel()
     await world.close()

@@ -172,8 +172,13 @@ def test_a_server_that_had_only_lost_its_connection(world: World) -> None:
     assert isinstance(world.outcomes[second], CallLost)
 
 
-def test_another_server_does_not_bring_back_a_lost_call(world: World) -> None:
+@for_each("is_doubtful", [False, True])
+def test_another_server_does_not_bring_back_a_lost_call(world: World, is_doubtful: bool) -> None:
+    world.serve(ONE)
     number = world.ask()
+    if is_doubtful:
+        world.lose_busd()
+        world.find_busd(ONE)
     world.serve()
     world.serve(OTHER)
     world.loop.advance(1)
