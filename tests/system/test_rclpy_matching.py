@@ -243,6 +243,7 @@ def test_events_that_wait_are_one(world: World, node: Node) -> None:
     )
     other = world.node("other")
     subscriptions = [other.create_subscription(Int64, "t", print, 10) for _ in range(3)]
+    wait_until(lambda: len(publisher.native.matches) == 3)
     other.destroy_subscription(subscriptions[0])
     wait_until(lambda: publisher.native.matches and len(publisher.native.matches) == 2)
     world.spin_until(lambda: said)

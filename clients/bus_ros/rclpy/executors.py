@@ -421,7 +421,7 @@ class Executor:
 class SingleThreadedExecutor(Executor):
     """Makes the calls in the spinning thread."""
 
-    called: Ready | None = None  # its callback runs: another spin is nested in it
+    called: Ready | None = None  # its callback runs: another spin is nested in it (with one spinning thread)
 
     def _spin_once(self, deadline_ns: int, most: int, until: Callable[[], bool] | None = None) -> None:
         if self.called is not None and spin_nested(self, deadline_ns, most, until):

@@ -60,6 +60,9 @@ class Future(Generic[T]):
     result.
     """
 
+    stays_cancelled = False
+    """Whether a result after `cancel` is ignored."""
+
     def __init__(self, *, executor: Executor | None = None) -> None:
         self._state = _PENDING
         self._result: T | None = None
@@ -183,8 +186,12 @@ class Future(Generic[T]):
 
     def _finish(self, state: FutureState) -> None:
         with self._lock:
-            if state == _CANCELLED and self._state != _PENDING:
-                return
+            if self._state != _PENDING:
+                if state == _CANCELLED:
+                    return
+                if self._state == _CANCELLED and self.stays_cancelled:
+                    self._result = self._exception = None
+                    return
             self._state = state
             callbacks, self._callbacks = self._callbacks, []
             waiters, self._waiters = self._waiters, []
@@ -211,6 +218,7 @@ class Future(Generic[T]):
 class Answer(Future[T]):
     """The future of a request. `cancel` also drops the request: its answer is ignored."""
 
+    stays_cancelled = True  # the answer may come at the same time, in another thread
     drop: "Callable[[Future[T]], object]"
     """Set by the client right after it is made."""
 

@@ -252,7 +252,7 @@ def _info_parameter(callback: Callable[..., object]) -> str | None:
         if isinstance(function, FunctionType) and TimerInfo not in function.__annotations__.values():
             return None  # most callbacks: `inspect` need not be loaded
         parameters = inspect.signature(callback).parameters.values()
-    except (TypeError, ValueError, NameError):  # some functions in C; names that are not defined
+    except Exception:  # some functions in C; annotations can be any code, which only now runs
         return None
     by_name = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
     return next((one.name for one in parameters if one.annotation is TimerInfo and one.kind in by_name), None)

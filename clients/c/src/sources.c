@@ -264,9 +264,11 @@ static const char *attach(busd_subscription *sub, struct source *source, busd_in
 
 /* --- messages of busd */
 
-/* Counts the samples up to `last` that have not come and will not come. */
+/* Counts the samples up to `last` that have not come and will not come. Does nothing for a number that can't be. */
 static void count_missed(busd_subscription *sub, struct source *source, uint64_t last)
 {
+    if (last > MAX_SEQ)
+        return;
     uint64_t known = sizes_max(source_position(source), source->routed_seq);
     if (source->seat != NULL)
         known = sizes_max(known, feed_newest(&source->feed)); /* they wait in its ring */

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from bus_ros.rclpy.task import Future, Task
+from bus_ros.rclpy.task import Answer, Future, Task
 
 
 class Executor:
@@ -62,6 +62,18 @@ def test_cancel() -> None:
     done.set_result(1)
     done.cancel()
     assert not done.cancelled()
+
+
+@pytest.mark.parametrize("fails", [False, True])
+def test_an_answer_after_cancel_is_ignored(fails: bool) -> None:
+    """Another thread may set it at the same time."""
+    future, dropped, heard = Answer[int](), list[Any](), list[Any]()
+    future.drop = dropped.append
+    future.add_done_callback(heard.append)
+    future.cancel()
+    future.set_exception(ValueError("late")) if fails else future.set_result(5)
+    assert future.cancelled() and future.result() is None
+    assert dropped == heard == [future]
 
 
 def test_an_exception_that_nobody_looked_at(capsys: pytest.CaptureFixture[str]) -> None:
