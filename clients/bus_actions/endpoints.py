@@ -199,8 +199,10 @@ class _LateAnswers:
     def add(self, request_id: RequestId, response: Any, error: str) -> None:
         self.waiting.append((request_id, response, error))
         if self._task is None:
-            name = f"answers of {self._service.service_name}"
-            self._task = asyncio.create_task(self._send(), name=name)
+            loop = core_of(
+                self._service._requests
+            ).link.loop  # not always the running one: see bus_ros.engine
+            self._task = loop.create_task(self._send(), name=f"answers of {self._service.service_name}")
 
     async def _send(self) -> None:
         try:

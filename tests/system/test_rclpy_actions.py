@@ -434,6 +434,44 @@ def test_results_expire(ends: Ends) -> None:
     assert ends.result(goal_handle) == (GoalStatus.UNKNOWN, [])
 
 
+def test_a_result_that_expires_during_its_execution_comes_all_the_same(ends: Ends) -> None:
+    is_asked = Future[None]()
+
+    async def run(goal_handle: ServerGoalHandle) -> Any:
+        await is_asked
+        goal_handle.succeed()
+        server._execute_expire_goals([bytes(goal_handle.goal_id.uuid)])  # another thread may do it now
+        return Fibonacci.Result(sequence=[7])
+
+    server = ends.serve(run)
+    result = ends.send().get_result_async()
+    ends.spin_until(lambda: all(one._waiters for one in server._result_futures.values()))
+    is_asked.set_result(None)
+    assert list(ends.done(result).result.sequence) == [7]
+
+
+def test_answers_without_room_follow_later(ends: Ends, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The services of an action may be keep all."""
+    server = ends.serve()
+    refused: list[str] = []
+
+    async def wait() -> None: ...
+
+    for name in ("goal", "result"):
+        end = getattr(server._ends, name)
+
+        def respond(*answer: Any, name: str = name, respond: Any = end.respond) -> Any:
+            if name in refused:
+                return respond(*answer)
+            refused.append(name)
+            return False
+
+        monkeypatch.setattr(end, "respond", respond)
+        monkeypatch.setattr(end, "wait_for_room", wait)
+    assert ends.result(ends.send(2)) == (GoalStatus.SUCCEEDED, [0, 1])
+    assert refused == ["goal", "result"]
+
+
 def test_the_end_of_a_goal_wakes_no_other_thread(ends: Ends, monkeypatch: pytest.MonkeyPatch) -> None:
     """Even if it drops the oldest result. The spinning thread runs the event loop next; a change of threads
     would cost more than all the rest of a goal's end."""

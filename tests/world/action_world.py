@@ -14,6 +14,7 @@ turn, as by socket, or if it must hand over its messages. While `world.is_held`,
 import asyncio
 from collections import deque
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any, cast
 
 from bus.errors import BusError, ConnectionClosed, ServiceError, ServiceUnavailable
@@ -50,6 +51,7 @@ class ListService:
         self.has_room.set()
         self._requests = self
         self._core = self
+        self.link = SimpleNamespace(loop=asyncio.get_running_loop())
         self.on_end: Callable[[BusError], object] | None = None
         self._world = world
 

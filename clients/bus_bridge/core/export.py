@@ -61,12 +61,15 @@ class Export:
 
     def attach(self, writer: Writer, qos: QoSProfile, rule: RouteRule) -> None:
         """Use `writer`: the far side can see the publisher now."""
+        was_full = self.is_full
         self.writer = writer
         self._depth = rule.depth or self._depth
         self.is_lossless = qos.is_lossless
         self._waiting.max_bytes = _most_bytes(is_lossless=qos.is_lossless)
         self._patience = min(qos.depth, self._depth) if qos.history is History.KEEP_LAST else self._depth
         self._limit = None if rule.max_rate_hz is None else RateLimit(rule.max_rate_hz)
+        if was_full and not self.is_full:  # the rule has more room: the taps hold the publisher back no more
+            self._on_free(self.gid)
         self.flush()
 
     @property

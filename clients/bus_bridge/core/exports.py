@@ -400,5 +400,6 @@ class Exports:
         self._drop_unused(route)
 
     def _drop_unused(self, route: TopicExports) -> None:
-        if not route.exports and not route.holders:
-            self._routes.pop(route.topic, None)
+        is_unused = not route.exports and not route.holders
+        if is_unused and self._routes.get(route.topic) is route:  # else a later one has its place
+            del self._routes[route.topic]

@@ -60,7 +60,7 @@ class Future(Generic[T]):
     result.
     """
 
-    stays_cancelled = False
+    _stays_cancelled = False
     """Whether a result after `cancel` is ignored."""
 
     def __init__(self, *, executor: Executor | None = None) -> None:
@@ -189,7 +189,7 @@ class Future(Generic[T]):
             if self._state != _PENDING:
                 if state == _CANCELLED:
                     return
-                if self._state == _CANCELLED and self.stays_cancelled:
+                if self._state == _CANCELLED and self._stays_cancelled:
                     self._result = self._exception = None
                     return
             self._state = state
@@ -218,7 +218,7 @@ class Future(Generic[T]):
 class Answer(Future[T]):
     """The future of a request. `cancel` also drops the request: its answer is ignored."""
 
-    stays_cancelled = True  # the answer may come at the same time, in another thread
+    _stays_cancelled = True  # the answer may come at the same time, in another thread
     drop: "Callable[[Future[T]], object]"
     """Set by the client right after it is made."""
 

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
 import bus_ros.rclpy as rclpy
+from bus_ros.rclpy.exceptions import NotInitializedException
 from bus_ros.rclpy.executors import ExternalShutdownException
 from bus_ros.rclpy.utilities import remove_ros_args
 
@@ -18,6 +19,6 @@ def own_words() -> list[str]:
 
 @contextmanager
 def begun() -> Iterator[None]:
-    """rclpy, from its beginning to its end; an interrupt ends the block."""
-    with rclpy.init(), suppress(KeyboardInterrupt, ExternalShutdownException):
+    """rclpy, from its beginning to its end; an interrupt ends the block, also just before it sleeps."""
+    with rclpy.init(), suppress(KeyboardInterrupt, ExternalShutdownException, NotInitializedException):
         yield

@@ -5,7 +5,7 @@ limits, mimic. It ignores other parts (meshes, inertia, colours). Pure. Must not
 """
 
 from collections.abc import Iterator
-from math import cos, inf, isfinite, pi, sin, sqrt
+from math import cos, inf, isfinite, nan, pi, sin, sqrt
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from bus_tf2.core.rotation import Transform, Vector, composed, from_angles
@@ -47,7 +47,9 @@ class Joint(NamedTuple):
     mimic: Mimic | None
 
     def pose(self, position: float) -> Transform:
-        """The child's place in the parent's coordinates."""
+        """The child's place in the parent's coordinates; without a finite position, it has no numbers."""
+        if not isfinite(position):  # of a stranger's message; the sine of infinity is an error in Python
+            position = nan
         x, y, z = self.axis
         moved, turned = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)
         if self.kind == "prismatic":

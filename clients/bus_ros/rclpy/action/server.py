@@ -317,7 +317,8 @@ class ActionServer(ActionEntity):
 
     def _take(self, function: Any, end: Callable[[], Any], request: Any, request_id: RequestId) -> None:
         if len(self._calls) >= MOST_WAITING:
-            end().respond(request_id, None, "RuntimeError: too many requests wait: nobody spins the server")
+            text = "RuntimeError: too many requests wait: nobody spins the server"
+            self._ends.answer(end(), request_id, None, text)
         else:
             self._put(function, request, request_id)
 
@@ -337,7 +338,7 @@ class ActionServer(ActionEntity):
             yield
         except Exception as error:
             with self._engine.loop:
-                end.respond(request_id, None, f"{type(error).__name__}: {error}")
+                self._ends.answer(end, request_id, None, f"{type(error).__name__}: {error}")
             raise
 
     def _publish_status(self) -> None:
@@ -387,7 +388,7 @@ class ActionServer(ActionEntity):
         if goal_handle is not None:
             self._goal_handles[bytes(goal_id.uuid)] = goal_handle
             self._result_futures[bytes(goal_id.uuid)] = Future(executor=self.node.own_executor)
-        self._respond(self._ends.goal.respond, request_id, response)
+        self._respond(partial(self._ends.answer, self._ends.goal), request_id, response)
         if goal_handle is not None:
             if self._handle_accepted_callback is not default_handle_accepted_callback:
                 with self._engine.loop:
@@ -410,6 +411,9 @@ class ActionServer(ActionEntity):
     async def _execute_goal(
         self, execute_callback: Callable[[ServerGoalHandle], Any], goal_handle: ServerGoalHandle
     ) -> None:
+        future = self._result_futures.get(
+            bytes(goal_handle.goal_id.uuid)
+        )  # now: its result may expire at once
         try:
             result = await await_or_execute(execute_callback, goal_handle)
         except Exception as error:
@@ -420,7 +424,6 @@ class ActionServer(ActionEntity):
             self._logger.warning(f"Goal state not set, assuming aborted. Goal ID: {goal_handle.goal_id.uuid}")
             goal_handle.abort()
         response = self._support.get_result.Response(status=goal_handle.status)
-        future = self._result_futures.get(bytes(goal_handle.goal_id.uuid))
         try:
             response.result = result
         finally:  # if it is no result, the client gets an empty one, and the program the error
@@ -442,7 +445,7 @@ class ActionServer(ActionEntity):
                 answer = await await_or_execute(self._cancel_callback, goal_handle)
             if answer == CancelResponse.ACCEPT and self._cancel(goal_handle):
                 response.goals_canceling.append(self._support.info_of(goal))
-        self._respond(self._ends.cancel.respond, request_id, response)
+        self._respond(partial(self._ends.answer, self._ends.cancel), request_id, response)
 
     def _cancel(self, goal_handle: ServerGoalHandle) -> bool:
         """Whether it is canceled: it may have ended during the program's callback."""

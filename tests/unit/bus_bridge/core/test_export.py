@@ -123,6 +123,24 @@ def test_a_lossless_publisher_waits_once_there_is_no_room_and_loses_nothing() ->
     assert (way.frees, way.closes) == (1, True)
 
 
+@pytest.mark.parametrize(
+    ("qos", "rule"),
+    [
+        (QoSProfile(history="keep_all"), RouteRule(depth=100)),
+        (QoSProfile(5, reliability="best_effort"), RouteRule()),
+    ],
+)
+def test_a_publisher_that_was_full_goes_on_if_its_new_rule_has_room(qos: QoSProfile, rule: RouteRule) -> None:
+    """After a reload, or if it published more than a queue before its rule was known."""
+    way = Way(QoSProfile(history="keep_all"), depth=10).attach()
+    way.writer.room = 0
+    way.put(*range(1, 11))
+    assert (way.export.is_full, way.frees) == (True, 0)
+    way.qos, way.rule = qos, rule
+    way.attach()
+    assert (way.export.is_full, way.frees) == (False, 1)
+
+
 def test_a_lossless_publisher_waits_for_bytes_too() -> None:
     way = Way(QoSProfile(history="keep_all")).attach()
     way.writer.room = 0

@@ -229,3 +229,16 @@ async def test_a_tap_that_does_not_end_leaves_nothing_behind() -> None:
     releasing.cancel()
     await asyncio.wait((releasing,))
     assert ways.schema(TOPIC) is None and not route.taps
+
+
+async def test_a_dead_route_takes_no_later_one_of_its_topic_away() -> None:
+    node: Any = None
+    ways = Exports(node, Rules(), lambda gid: True, lambda gid: False, print)
+    dead = ways.route(TOPIC, SCHEMA)
+    ways._unsure.add(dead)
+    ways._drop_unused(dead)
+    assert ways.schema(TOPIC) is None
+    later = ways.route(TOPIC, SCHEMA)
+    assert later is not dead
+    ways.sweep()
+    assert ways.route(TOPIC, SCHEMA) is later and not ways._unsure

@@ -49,6 +49,15 @@ def test_poses() -> None:
     assert only("continuous").pose(math.pi)[1] == pytest.approx((1, 0, 0, 0))
 
 
+@for_each("position", [math.inf, -math.inf, math.nan])
+def test_a_position_that_is_no_number(position: float) -> None:
+    """It must not end the program: a tf2 buffer refuses the transform."""
+    for kind in ("prismatic", "revolute", "continuous"):
+        limit = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
+        assert math.isnan(sum(map(sum, only(kind, limit).pose(position))))
+    assert only("fixed").pose(position) == ((0, 0, 0), (0, 0, 0, 1))
+
+
 def test_limits_and_mimic() -> None:
     assert only("continuous").limits == (-math.pi, math.pi)
     assert only("revolute").limits is None
