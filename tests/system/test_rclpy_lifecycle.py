@@ -333,25 +333,6 @@ def test_services_refuse(node: Recorder, caller: Caller) -> None:
     assert caller.change(label="configure")
 
 
-def test_a_request_does_not_end_a_transition_that_is_under_way(world: World) -> None:
-    """Another thread may serve it during the callback: `transition_success` begins in that state, too."""
-    refused: list[str] = []
-
-    class Asked(Recorder):
-        def on_configure(self, state: State) -> TransitionCallbackReturn:
-            for number in (1, 10):
-                with pytest.raises(RCLError) as caught:
-                    self._LifecycleNodeMixin__change_state(number)  # type: ignore[attr-defined]
-                refused.append(str(caught.value))
-            return SUCCESS
-
-    node = Asked()
-    world.keep(node)
-    assert node.trigger_configure() is SUCCESS
-    assert node.state == "inactive"
-    assert refused == ["no transition can begin in the state 'configuring'"] * 2
-
-
 def test_events(world: World, node: Recorder) -> None:
     listener = world.node("listener")
     heard: list[Any] = []

@@ -191,8 +191,6 @@ class LifecycleNodeMixin(ManagedEntity):
     def __transition(self, transition_id: int) -> "TransitionSteps":
         machine = self._state_machine
         state_id, label = machine.current_state
-        if state_id in self._callbacks:  # another one is under way, which no request may end
-            raise RCLError(f"no transition can begin in the state '{label}'")
         before = LifecycleState(label=label, state_id=state_id)
         machine.trigger_transition_by_id(transition_id)
         result = yield from self.__call_back(before)
