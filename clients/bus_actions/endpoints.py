@@ -12,7 +12,7 @@ from typing import Any, Final
 import msgspec
 
 from bus.endpoint.endpoint import core_of
-from bus.errors import BusError, ConnectionClosed
+from bus.errors import BusError, ConnectionClosed, PayloadTooLarge
 from bus.node import SERVICE_QOS, Node
 from bus.publisher import Publisher
 from bus.qos import QoSProfile, action_status_default
@@ -199,21 +199,28 @@ class _LateAnswers:
     def add(self, request_id: RequestId, response: Any, error: str) -> None:
         self.waiting.append((request_id, response, error))
         if self._task is None:
-            loop = core_of(
-                self._service._requests
-            ).link.loop  # not always the running one: see bus_ros.engine
+            # Not always the running loop: see bus_ros.engine.
+            loop = core_of(self._service._requests).link.loop
             self._task = loop.create_task(self._send(), name=f"answers of {self._service.service_name}")
 
     async def _send(self) -> None:
         try:
             while self.waiting:
                 await self._service.wait_for_room()
-                while self.waiting and self._service.respond(*self.waiting[0]):
+                while self.waiting and self._respond(*self.waiting[0]):
                     self.waiting.popleft()
         except ConnectionClosed:
             self.waiting.clear()
         finally:
             self._task = None
+
+    def _respond(self, request_id: RequestId, response: Any, error: str) -> bool:
+        """As `respond` of the service. If the answer is above the limit, its client gets the error
+        instead, and the answers behind it follow."""
+        try:
+            return self._service.respond(request_id, response, error)
+        except PayloadTooLarge as too_large:
+            return self._service.respond(request_id, None, f"{type(too_large).__name__}: {too_large}")
 
 
 async def _close(ends: ServerEndpoints | ClientEndpoints, names: tuple[str, ...]) -> None:
