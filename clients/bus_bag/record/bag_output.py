@@ -70,8 +70,8 @@ class BagOutput:
             topic.passed_over += len(samples)
             self.keep(topic, samples, is_written=False)
             return
-        if self._latched.has_unwritten and not self._is_snapshot:
-            self._write_state(self._latched.take_unwritten(), log_time_of(samples))
+        if self._latched.has_unwritten:
+            self.resume(log_time_of(samples))
         channel = topic.channel
         if channel is None:
             channel = self._channel(topic)

@@ -411,9 +411,8 @@ class ActionServer(ActionEntity):
     async def _execute_goal(
         self, execute_callback: Callable[[ServerGoalHandle], Any], goal_handle: ServerGoalHandle
     ) -> None:
-        future = self._result_futures.get(
-            bytes(goal_handle.goal_id.uuid)
-        )  # now: its result may expire at once
+        # Now, because its result may expire at once.
+        future = self._result_futures.get(bytes(goal_handle.goal_id.uuid))
         try:
             result = await await_or_execute(execute_callback, goal_handle)
         except Exception as error:
