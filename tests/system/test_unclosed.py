@@ -119,6 +119,53 @@ def test_while_the_event_loop_runs(
     assert text.startswith(f"node /cell, made at {__file__}:{line_of_cell()}, is closed now, because")
 
 
+@LOOPS
+def test_is_closed_after_the_collection(
+    daemon: Daemon, route: str, new_loop: Callable[[], asyncio.AbstractEventLoop], told: list[str]
+) -> None:
+    """Otherwise the loop cancels tasks while the collector, in another thread, closes their coroutines."""
+    seen: list[list[str]] = []
+
+    class Neighbour:
+        """Found together with the node. The event loop has a turn before the collection goes on."""
+
+        def __init__(self) -> None:
+            self.loop = asyncio.get_running_loop()
+
+        def __del__(self) -> None:
+            had_turn = threading.Event()
+            self.loop.call_soon_threadsafe(had_turn.set)
+            assert had_turn.wait(WAIT_S)
+            seen.append([one for one in told if "is closed now" in one])
+
+    async def listener() -> None:
+        node = bus.Node("cell", arguments=[])
+        await node.open()
+        neighbours = [Neighbour()]
+
+        async def hear(message: String) -> None:
+            node.statistics()
+            neighbours.clear()
+
+        await node.create_subscription(String, "t", 10, hear)
+        neighbours.append(Neighbour())
+
+    async def cells() -> None:
+        await listener()
+        await asyncio.sleep(0.6)  # counters are reported by then, and held until then
+        await asyncio.to_thread(gc.collect)
+        while not [one for one in told if "is closed now" in one]:  # noqa: ASYNC110
+            await asyncio.sleep(0.01)
+
+    gc.disable()  # a collection by the event loop's own thread would keep it from having a turn
+    try:
+        with pytest.warns(ResourceWarning, match=CLOSED), asyncio.Runner(loop_factory=new_loop) as runner:
+            runner.run(asyncio.wait_for(cells(), WAIT_S))
+    finally:
+        gc.enable()
+    assert seen == [[], []]
+
+
 async def test_endpoints_keep_their_node(daemon: Daemon) -> None:
     async def listener(heard: asyncio.Event) -> bus.Subscription[Any]:
         node = bus.Node("listener", arguments=[])

@@ -3,8 +3,10 @@
 Knows a node by its name and by the line that made it.
 """
 
+import gc
 import sys
 import warnings
+from collections import deque
 from collections.abc import Callable
 from types import FrameType
 
@@ -19,6 +21,9 @@ _log = get_logger("bus")
 
 _namesakes: set[str] = set()
 """Full names that the log has reported as open twice in this process."""
+
+_after_collection: deque[Callable[[], None]] = deque()
+"""Work for the end of the collection that has found a node."""
 
 
 class CloseReminder:
@@ -44,7 +49,7 @@ class CloseReminder:
         finally:  # warnings may be errors
             # At the program's end, the kernel closes the descriptors soon.
             if not sys.is_finalizing() or link.loop.is_closed():
-                self._have_closed(link, let_go)
+                _do_after_collection(lambda: self._have_closed(link, let_go))
 
     def warn(self, owner: object) -> None:
         """Issue a ResourceWarning at the line that made the node, which no code can close any more."""
@@ -65,13 +70,35 @@ class CloseReminder:
 
     def _have_closed(self, link: Link, let_go: Callable[[Link, object], None]) -> None:
         try:
-            # The collector runs in any thread, even during the link's own work.
+            # This may be any thread, even during the link's own work.
             link.loop.call_soon_threadsafe(let_go, link, link.connection_now())
         except RuntimeError:  # the event loop is closed; its thread may have done so just now
             let_go(link, None)
             return
         if self.when_dropped is not None:
             self.when_dropped()
+
+
+def _do_after_collection(work: Callable[[], None]) -> None:
+    """Call `work` once no collection is in progress: in this call, or by the thread that collects.
+
+    A collector that has found a node also closes the suspended coroutines of its callbacks. If the event
+    loop, in another thread, cancelled their tasks meanwhile, they would fail: "coroutine already executing".
+    """
+    _after_collection.append(work)
+    if _collected not in gc.callbacks:
+        gc.callbacks.append(
+            _collected
+        )  # and never removed, because another thread may walk through that list
+    gc.collect(
+        0
+    )  # does nothing during a collection, which calls `_collected` at its end; otherwise this one does
+
+
+def _collected(phase: str, info: object) -> None:
+    if phase == "stop":
+        while _after_collection:
+            _after_collection.popleft()()
 
 
 def warn_of_namesake(node: LinkNode, link: Link) -> None:
