@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from time import monotonic_ns
 
 from bus.vocabulary import DropReason
-from bus_bag.record.batch import Batch, Packed, Sample, log_time_of
+from bus_bag.record.batch import Batch, Packed, Sample, Samples
 from bus_bag.record.latched import Latched, LatchedState
 from bus_bag.record.options import RecordOptions
 from bus_bag.record.splitting import Splitting
@@ -63,51 +63,46 @@ class BagOutput:
         for topic in self.topics.values():
             self._channel(topic)
 
-    def write(self, topic: RecordedTopic, samples: Batch, size: int, *, is_paused: bool) -> None:
-        """Write at least one message; the payloads have `size` bytes. `is_paused`: handle them as messages
-        of a pause."""
+    def write(self, topic: RecordedTopic, batch: Batch, *, is_paused: bool) -> None:
+        """Write messages. `is_paused`: handle them as messages of a pause."""
         if is_paused:
-            topic.passed_over += len(samples)
-            self.keep(topic, samples, is_written=False)
+            topic.passed_over += batch.count
+            self.keep(topic, batch, is_written=False)
             return
         if self._latched.has_unwritten:
-            self.resume(log_time_of(samples))
+            self.resume(batch.log_time)
         channel = topic.channel
         if channel is None:
             channel = self._channel(topic)
         if self._splitting is not None:
-            self._split_if_due(self._splitting, log_time_of(samples))
-        if isinstance(samples, Packed):
-            if self._write_packed(topic, channel, samples):
-                if not self._is_snapshot:
-                    self.keep(topic, samples, is_written=True)
-                return
-            samples = samples.samples()  # one of them may not have the type
-        if len(samples) > 1 and size <= len(samples) * _SHORT and self._write_many(topic, channel, samples):
+            self._split_if_due(self._splitting, batch.log_time)
+        if self._write_whole(topic, channel, batch):
             if topic.is_latched and not self._is_snapshot:
-                self.keep(topic, samples, is_written=True)
+                self.keep(topic, batch, is_written=True)
             return
-        for sample in samples:
+        for sample in batch.samples():  # one of them may not have the type
             if self._splitting is not None:
                 self._split_if_due(self._splitting, sample[1][1])
             written = self._write_one(topic, channel, sample, sample[1][1])
             topic.written += written
             if written and topic.is_latched and not self._is_snapshot:
-                self.keep(topic, [sample], is_written=True)
+                self.keep(topic, Samples([sample]), is_written=True)
 
     def write_state_before(self, batches: Sequence[Batch]) -> None:
         """Write the unwritten state of latched topics, without the messages in `batches`, which follow it. It
         gets the time of the first of them, because readers sort by time."""
-        log_time = min(map(log_time_of, batches), default=self._now_ns())
-        present = {id(one) for batch in batches if not isinstance(batch, Packed) for one in batch}
+        log_time = min((batch.log_time for batch in batches), default=self._now_ns())
+        present = {id(one) for batch in batches if isinstance(batch, Samples) for one in batch.samples()}
         unwritten = self._latched.take_unwritten()
         self._write_state([one for one in unwritten if id(one.message) not in present], log_time)
 
-    def keep(self, topic: RecordedTopic, samples: Batch, *, is_written: bool) -> None:
+    def keep(self, topic: RecordedTopic, batch: Batch, *, is_written: bool) -> None:
         """Keep the state of a topic if its publishers keep messages for late joiners."""
         if topic.is_latched:
-            if isinstance(samples, Packed):
-                samples = samples.samples(self._latched.depth(topic.name, samples.publisher_gid))
+            if isinstance(batch, Packed):
+                samples = batch.samples(self._latched.depth(topic.name, batch.publisher_gid))
+            else:
+                samples = batch.samples()
             for sample in samples:
                 if self._latched.depth(topic.name, sample[1].publisher_gid):
                     self._latched.add(
@@ -139,29 +134,27 @@ class BagOutput:
         if splitting.is_due(self._size(), log_time):
             self.split(log_time)
 
-    def _write_packed(self, topic: RecordedTopic, channel: int, batch: Packed) -> bool:
-        """Write all messages; returns False without writing if one may not have the type."""
-        if topic.program is None:
-            return False
-        taken = self._writer.write_packed(channel, batch.log_time, batch.data, topic.program.records)
+    def _write_whole(self, topic: RecordedTopic, channel: int, batch: Batch) -> bool:
+        """Write all messages in few steps; returns False without writing if that can't be done."""
+        taken = 0
+        if isinstance(batch, Packed) and topic.program is not None:
+            taken = self._writer.write_packed(channel, batch.log_time, batch.data, topic.program.records)
+        if not taken and batch.count > 1 and batch.size <= batch.count * _SHORT:
+            taken = self._write_many(topic, channel, batch)
         if not taken:
             return False
         self.bytes += taken
-        topic.written += len(batch)
-        self.messages += len(batch)
+        topic.written += batch.count
+        self.messages += batch.count
         return True
 
-    def _write_many(self, topic: RecordedTopic, channel: int, samples: list[Sample]) -> bool:
-        """Write all samples; returns False without writing if a message does not have the type."""
-        payloads, infos = zip(*samples, strict=True)
+    def _write_many(self, topic: RecordedTopic, channel: int, batch: Batch) -> int:
+        """Write several short messages; returns the bytes, or 0 if one may not have the type."""
+        payloads, infos = zip(*batch.samples(), strict=True)
         try:
-            messages = topic.encode_many(payloads)
+            return self._writer.write_many(channel, infos, topic.encode_many(payloads))
         except CdrError:
-            return False
-        self.bytes += self._writer.write_many(channel, infos, messages)
-        topic.written += len(messages)
-        self.messages += len(messages)
-        return True
+            return 0
 
     def _write_one(self, topic: RecordedTopic, channel: int, sample: Sample, log_time: int) -> int:
         """Write one message; returns 1, or 0 if it does not have the type."""

@@ -1,4 +1,7 @@
-"""Messages of one topic that were taken together: one by one, or back to back in one buffer. Pure."""
+"""Messages of one topic that were taken together: one by one, or back to back in one buffer. Pure.
+
+A batch carries its count, its bytes and its log time from here to the file, so nothing computes them twice.
+"""
 
 from operator import itemgetter
 from struct import Struct
@@ -7,7 +10,7 @@ from typing import TypeAlias
 from bus import shm
 from bus.subscription import MessageInfo, Pack
 
-__all__ = ["Batch", "Packed", "Sample", "log_time_of", "size_of"]
+__all__ = ["Batch", "Packed", "Sample", "Samples"]
 
 Sample: TypeAlias = tuple[bytes, MessageInfo]
 """A payload and its info."""
@@ -28,13 +31,11 @@ class Packed:
         self.data = pack.data
         self.count = pack.messages
         self.size = pack.payload_bytes
+        """Bytes of the payloads."""
         self.log_time = pack.received_timestamp if log_time is None else log_time
         """The time of reception of all messages."""
         self.publisher_gid = pack.publisher_gid
         """Empty if they are from several publishers."""
-
-    def __len__(self) -> int:
-        return self.count
 
     def samples(self, newest: int | None = None) -> list[Sample]:
         """The messages one by one: all, or only the `newest`."""
@@ -52,14 +53,22 @@ class Packed:
         return found
 
 
-Batch: TypeAlias = list[Sample] | Packed
+class Samples:
+    """Messages one by one, at least one."""
+
+    __slots__ = ("_samples", "count", "log_time", "size")
+
+    def __init__(self, samples: list[Sample]) -> None:
+        self._samples = samples
+        self.count = len(samples)
+        self.size = sum(map(len, map(_payload, samples)))
+        """Bytes of the payloads."""
+        self.log_time = samples[0][1].received_timestamp
+        """The time of reception of the first message."""
+
+    def samples(self) -> list[Sample]:
+        """The messages."""
+        return self._samples
 
 
-def size_of(batch: Batch) -> int:
-    """Bytes of the payloads."""
-    return batch.size if isinstance(batch, Packed) else sum(map(len, map(_payload, batch)))
-
-
-def log_time_of(batch: Batch) -> int:
-    """The log time of the first message; there is one."""
-    return batch.log_time if isinstance(batch, Packed) else batch[0][1].received_timestamp
+Batch: TypeAlias = Samples | Packed

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from bus.subscription import Subscription
-from bus_bag.record.batch import Batch, Packed
+from bus_bag.record.batch import Batch, Packed, Samples
 from bus_bag.record.clock import RecordingClock
 from bus_bag.record.pipeline import Pipeline
 from bus_bag.record.state import RecordingLife
@@ -56,7 +56,7 @@ class Intake:
             return 0
         now_ns = self._clock.now_ns() if self._clock.is_simulated else None
         batch, has_more = self._next(topic, subscription, now_ns)
-        if not batch:
+        if batch is None:
             return 0
         if has_more and topic not in self._unfinished:  # continue later, after other callbacks
             self._unfinished[topic] = None
@@ -65,12 +65,13 @@ class Intake:
         self._pipeline.put(topic, batch, is_paused=self.is_paused or not has_time)
         if self._pumping is None:
             self._pumping = self._loop.call_soon(self._pump_now)
-        return len(batch)
+        return batch.count
 
     def _next(
         self, topic: RecordedTopic, subscription: Subscription[Any], now_ns: int | None
-    ) -> tuple[Batch, bool]:
-        """The next messages, with the log time `now_ns` if it is given, and whether more may wait."""
+    ) -> tuple[Batch | None, bool]:
+        """The next messages, with the log time `now_ns` if it is given, and whether more may wait. None if no
+        message has arrived."""
         if self._pipeline.takes_packs(topic):
             # Latched messages are kept for each publisher, which a merged buffer does not name.
             is_latched = topic.is_latched
@@ -79,10 +80,11 @@ class Intake:
                 if pack is not None:
                     return Packed(pack, now_ns), pack.has_more
         samples = subscription.take_many(_BATCH)
-        has_more = len(samples) == _BATCH
+        if not samples:
+            return None, False
         if now_ns:
             samples = [(payload, info._replace(received_timestamp=now_ns)) for payload, info in samples]
-        return samples, has_more
+        return Samples(samples), len(samples) == _BATCH
 
     def take_all(self, topics: Iterable[RecordedTopic]) -> None:
         """Take all messages that have arrived so far."""

@@ -16,7 +16,7 @@ from bus.vocabulary import DropReason
 from bus_bag.errors import BagError
 from bus_bag.losses import RECORD, LossDates, TopicLosses, to_record
 from bus_bag.record.bag_output import BagOutput
-from bus_bag.record.batch import Batch, log_time_of, size_of
+from bus_bag.record.batch import Batch
 from bus_bag.record.cache import Cache
 from bus_bag.record.options import RecordOptions
 from bus_bag.record.topic import RecordedTopic
@@ -36,9 +36,9 @@ _TURN_NS = 2_000_000
 
 _Faults = (BusError, OSError)
 
-_Waiting: TypeAlias = tuple[Batch, int, bool] | Callable[[], object]
-"""Messages, their bytes, and whether they came in a pause; or a request, whose turn comes after all messages
-from before it."""
+_Waiting: TypeAlias = tuple[Batch, bool] | Callable[[], object]
+"""Messages, and whether they came in a pause; or a request, whose turn comes after all messages from before
+it."""
 
 
 class Pipeline:
@@ -164,21 +164,18 @@ class Pipeline:
             return False
         return not (self._is_snapshot and topic.is_latched)  # a snapshot tells its latched messages apart
 
-    def put(self, topic: RecordedTopic, samples: Batch, *, is_paused: bool) -> None:
-        """Add at least one taken message. While the recording is paused, only the state of latched topics is
-        kept."""
-        size = size_of(samples)
+    def put(self, topic: RecordedTopic, batch: Batch, *, is_paused: bool) -> None:
+        """Add taken messages. While the recording is paused, only the state of latched topics is kept."""
         if self._is_snapshot:
-            self._output.keep(topic, samples, is_written=False)
+            self._output.keep(topic, batch, is_written=False)
             if is_paused:  # so the memory keeps the messages from before the pause
-                topic.passed_over += len(samples)
+                topic.passed_over += batch.count
                 return
         if self._thread is None:
-            self._output.write(topic, samples, size, is_paused=is_paused)
+            self._output.write(topic, batch, is_paused=is_paused)
             return
         may_be_lost = self._is_snapshot or not topic.is_lossless
-        batch = samples, size, is_paused
-        self._cache.put(topic.name, batch, len(samples), size, may_be_lost=may_be_lost)
+        self._cache.put(topic.name, (batch, is_paused), batch.count, batch.size, may_be_lost=may_be_lost)
 
     def resume(self) -> None:
         """Write the latched messages of the pause; they come before later messages."""
@@ -190,7 +187,7 @@ class Pipeline:
         log_time = self._now_ns()
         oldest = self._cache.peek() if self._is_snapshot else None
         if isinstance(oldest, tuple):  # it comes after the state
-            log_time = min(log_time, log_time_of(oldest[0]))
+            log_time = min(log_time, oldest[0].log_time)
         self._in_turn(partial(self._output.split, log_time))
 
     def _in_turn(self, request: Callable[[], object]) -> None:
@@ -212,8 +209,8 @@ class Pipeline:
         while cache.waiting and thread.waiting_bytes < _MOST_IN_FLIGHT:
             name, waiting, _ = cache.take()
             if isinstance(waiting, tuple):
-                samples, size, is_paused = waiting
-                self._output.write(self._output.topics[name], samples, size, is_paused=is_paused)
+                batch, is_paused = waiting
+                self._output.write(self._output.topics[name], batch, is_paused=is_paused)
             else:
                 waiting()
             if monotonic_ns() >= until_ns:
@@ -233,9 +230,9 @@ class Pipeline:
             name, waiting, _ = self._cache.take()
             if isinstance(waiting, tuple):
                 batches.append((self._output.topics[name], *waiting))
-        self._output.write_state_before([samples for _, samples, _, _ in batches])
-        for topic, samples, size, is_paused in batches:
-            self._output.write(topic, samples, size, is_paused=is_paused)
+        self._output.write_state_before([batch for _, batch, _ in batches])
+        for topic, batch, is_paused in batches:
+            self._output.write(topic, batch, is_paused=is_paused)
         self._writer.flush()
 
     def write_losses(self) -> None:

@@ -4,7 +4,7 @@ import pytest
 
 from bus import shm
 from bus.subscription import MessageInfo
-from bus_bag.record.batch import Packed, Sample, log_time_of, size_of
+from bus_bag.record.batch import Packed, Sample, Samples
 from packing import pack_of
 from rows import for_each
 
@@ -24,13 +24,14 @@ def test_the_newest_messages(newest: int) -> None:
 def test_all_messages() -> None:
     batch = Packed(pack_of(SAMPLES))
     assert batch.samples() == SAMPLES
-    assert (len(batch), size_of(batch), log_time_of(batch)) == (6, size_of(SAMPLES), log_time_of(SAMPLES))
-    assert (size_of(batch), log_time_of(batch)) == (15, 5000)
+    same = Samples(SAMPLES)
+    assert same.samples() == SAMPLES
+    assert [(one.count, one.size, one.log_time) for one in (batch, same)] == [(6, 15, 5000)] * 2
 
 
 def test_another_log_time() -> None:
     batch = Packed(pack_of(SAMPLES), 6000)
-    assert log_time_of(batch) == 6000
+    assert batch.log_time == 6000
     assert {info.received_timestamp for _, info in batch.samples()} == {6000}
 
 

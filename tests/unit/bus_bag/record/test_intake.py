@@ -215,10 +215,10 @@ async def test_a_snapshot_takes_latched_messages_one_by_one(tmp_path: Path, is_l
 @pytest.mark.parametrize(
     ("count", "most_packed", "calls"),
     [
-        (1, 0, 16),
-        (100, 0, 117),
-        pytest.param(1, 1000, 22, marks=needs_core),
-        pytest.param(100, 1000, 22, marks=needs_core),
+        (1, 0, 18),
+        (100, 0, 119),
+        pytest.param(1, 1000, 15, marks=needs_core),
+        pytest.param(100, 1000, 15, marks=needs_core),
     ],
 )
 async def test_what_a_message_costs(tmp_path: Path, count: int, most_packed: int, calls: int) -> None:

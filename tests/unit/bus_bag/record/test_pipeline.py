@@ -17,7 +17,7 @@ from bus.types.support import type_support
 from bus_bag.core import Program
 from bus_bag.errors import BagError
 from bus_bag.losses import TopicLosses
-from bus_bag.record.batch import Packed
+from bus_bag.record.batch import Packed, Samples
 from bus_bag.record.choice import Found, Wanted
 from bus_bag.record.options import RecordOptions
 from bus_bag.record.pipeline import Pipeline
@@ -107,7 +107,7 @@ class World:
             assert self.pipeline.takes_packs(topic)
             self.pipeline.put(topic, Packed(pack_of(batch)), is_paused=is_paused)
         else:
-            self.pipeline.put(topic, batch, is_paused=is_paused)
+            self.pipeline.put(topic, Samples(batch), is_paused=is_paused)
 
     def put(self, topic: RecordedTopic, *texts: str, at: int = 0, is_paused: bool = False) -> None:
         counted = self._counted[topic.name]
@@ -115,7 +115,7 @@ class World:
             counted.delivered += 1
             info = MessageInfo(at, at, counted.delivered, counted.delivered, b"gid")
             payload = text.encode() if text.startswith("?") else encode(String(data=text))
-            self.pipeline.put(topic, [(payload, info)], is_paused=is_paused)
+            self.pipeline.put(topic, Samples([(payload, info)]), is_paused=is_paused)
 
     def finish(self) -> dict[str, TopicLosses]:
         self.may_write.set()
