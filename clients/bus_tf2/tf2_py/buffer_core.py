@@ -26,6 +26,7 @@ __all__ = ["BufferCore"]
 
 _CACHE_NS = 10_000_000_000
 _MOST_NS = (1 << 63) - 1
+_FIRST_NS, _END_NS = -(2**31) * 1_000_000_000, 2**31 * 1_000_000_000
 
 
 class _Nanoseconds(Protocol):
@@ -65,7 +66,10 @@ class BufferCore:
 
     def can_transform_core(self, target_frame: str, source_frame: str, time: Moment) -> tuple[int, str]:
         """Whether `lookup_transform_core` has an answer, as 1 or 0, and why not."""
-        found = self.__tree.lookup(target_frame, source_frame, _in_ns(time, "time"))
+        try:
+            found = self.__tree.lookup(target_frame, source_frame, _time_ns(time))
+        except InvalidArgumentException as error:
+            return 0, str(error)
         if len(found) == 8:
             return 1, ""
         return 0, self.__why_not(found, target_frame, source_frame)
@@ -91,7 +95,7 @@ class BufferCore:
 
         Raises LookupException, ConnectivityException, ExtrapolationException, InvalidArgumentException.
         """
-        found = self.__tree.lookup(target_frame, source_frame, _in_ns(time, "time"))
+        found = self.__tree.lookup(target_frame, source_frame, _time_ns(time))
         if len(found) != 8:
             self.__refuse(found, target_frame, source_frame)
         return _stamped(target_frame, source_frame, found)
@@ -106,15 +110,16 @@ class BufferCore:
         self.__validate(target_frame, "lookupTransform argument target_frame")
         self.__validate(source_frame, "lookupTransform argument source_frame")
         self.__validate(fixed_frame, "lookupTransform argument fixed_frame")
-        inner = self.__find(fixed_frame, source_frame, _in_ns(source_time, "time"))
-        outer = self.__find(target_frame, fixed_frame, _in_ns(target_time, "time"))
+        inner = self.__find(fixed_frame, source_frame, _time_ns(source_time))
+        outer = self.__find(target_frame, fixed_frame, _time_ns(target_time))
         (x, y, z), (qx, qy, qz, qw) = composed((outer[1:4], outer[4:]), (inner[1:4], inner[4:]))
         return _stamped(target_frame, source_frame, (outer[0], x, y, z, qx, qy, qz, qw))
 
     def get_latest_common_time(self, target_frame: str, source_frame: str) -> "Time":
         """The latest time for which both frames have transforms; zero if all between them is static.
 
-        Raises as above; TransformException if the two are not connected.
+        Raises as above; TransformException if the two are not connected; ValueError, as in ROS 2, if the time
+        is below zero.
         """
         from bus_ros.rclpy.time import Time
 
@@ -149,8 +154,8 @@ class BufferCore:
         self, target_frame: str, target_time: Moment, source_frame: str, source_time: Moment, fixed_frame: str
     ) -> list[str]:
         """The frames on the way from the source to the fixed frame, and on to the target."""
-        down = self.__way(target_frame, fixed_frame, _in_ns(target_time, "time"))
-        way = self.__way(source_frame, fixed_frame, _in_ns(source_time, "time"))
+        down = self.__way(target_frame, fixed_frame, _time_ns(target_time))
+        way = self.__way(source_frame, fixed_frame, _time_ns(source_time))
         while len(way) > 1 and len(down) > 1 and way[-2] == down[-2]:
             way.pop()
             down.pop()
@@ -180,7 +185,14 @@ class BufferCore:
             _warn_of_names(parent, child, authority)
             return
         parts = (moved.x, moved.y, moved.z, turned.x, turned.y, turned.z, turned.w)
-        stamp_ns = _in_ns(header.stamp, "time")
+        try:
+            stamp_ns = _time_ns(header.stamp)
+        except InvalidArgumentException as error:
+            _say(
+                f'Error:   Ignoring transform for child_frame_id "{child}" from authority "{authority}": '
+                f"{error}"
+            )
+            return
         refused = self.__tree.insert(child, parent, stamp_ns, *parts, authority, is_static)
         if refused:
             _warn_of_numbers(refused, child, authority, parts, stamp_ns)
@@ -220,6 +232,16 @@ def _in_ns(time: Any, what: str) -> int:
         return int(time.sec) * 1_000_000_000 + int(time.nanosec)
     except AttributeError:
         raise TypeError(f"{what} must have sec and nanosec, or nanoseconds.") from None
+
+
+def _time_ns(time: Moment) -> int:
+    """Raises InvalidArgumentException for a time that no stamp can have: the answer could not name it."""
+    time_ns = _in_ns(time, "time")
+    if not _FIRST_NS <= time_ns < _END_NS:
+        raise InvalidArgumentException(
+            f"Invalid time {texts.seconds(time_ns)}: a stamp has its seconds in 32 bits"
+        )
+    return time_ns
 
 
 def _stamped(target: str, source: str, found: Answer) -> Any:

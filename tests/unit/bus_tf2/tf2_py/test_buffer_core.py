@@ -151,6 +151,19 @@ class TestRefusals:
             "at time 1.000000" + suffix
         )
 
+    def test_times_that_no_stamp_can_have(self, buffer: BufferCore) -> None:
+        buffer.set_transform_static(transform("a", "b"), "me")
+        late = message("builtin_interfaces/msg/Time", sec=2**31 - 1, nanosec=10**9)
+        fault = "Invalid time 2147483648.000000: a stamp has its seconds in 32 bits"
+        assert buffer.can_transform_core("a", "b", late) == (0, fault)
+        for look_up in (
+            lambda: buffer.lookup_transform_core("a", "b", late),
+            lambda: buffer.lookup_transform_core("a", "a", Time(nanoseconds=2**63 - 1)),
+            lambda: buffer.lookup_transform_full_core("a", late, "b", NOW, "a"),
+        ):
+            with pytest.raises(InvalidArgumentException, match=r"^Invalid time"):
+                look_up()
+
     def test_two_trees(self, buffer: BufferCore) -> None:
         buffer.set_transform_static(transform("a", "b"), "me")
         buffer.set_transform_static(transform("c", "d"), "me")
@@ -210,6 +223,30 @@ class TestWhatIsTold:
             'Error:   TF_NO_FRAME_ID: Ignoring transform with child_frame_id "b"  from authority "me" '
             "because "
             "frame_id not set\n"
+        )
+
+    def test_unusual_stamps(self, buffer: BufferCore, capsys: pytest.CaptureFixture[str]) -> None:
+        """A second's worth of nanoseconds, or a time before 1970, is a time like others."""
+        stamped = transform("a", "b")
+        stamp = stamped.header.stamp
+        for stamp.sec, stamp.nanosec, found in (
+            (1, 2_500_000_000, (3, 500_000_000)),
+            (-2, 2_500_000_000, (0, 500_000_000)),
+            (-(2**31), 5, (-(2**31), 5)),
+        ):
+            buffer.clear()
+            buffer.set_transform(stamped, "me")
+            for time in (stamp, NOW):
+                answer = buffer.lookup_transform_core("a", "b", time).header.stamp
+                assert (answer.sec, answer.nanosec) == found
+        assert capsys.readouterr().err == ""
+        buffer.clear()
+        stamp.sec, stamp.nanosec = 2**31 - 1, 10**9
+        buffer.set_transform(stamped, "me")
+        assert buffer.can_transform_core("a", "b", NOW)[0] == 0
+        assert capsys.readouterr().err == (
+            'Error:   Ignoring transform for child_frame_id "b" from authority "me": Invalid time '
+            "2147483648.000000: a stamp has its seconds in 32 bits\n"
         )
 
     def test_a_long_quaternion_is_made_short(self, buffer: BufferCore) -> None:
