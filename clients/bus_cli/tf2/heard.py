@@ -19,7 +19,8 @@ def complete_frames(prefix: str, parsed_args: Namespace, **_: Any) -> list[str]:
     try:
         graph = get_graph(parsed_args, may_start=False)
         sent = [topic for topic in TOPICS if graph.publishers_of(topic)]
-        return sorted(asyncio.run(_listen(parsed_args, sent))) if sent else []
+        heard = asyncio.run(_listen(parsed_args, sent)) if sent else ()
+        return sorted(name for name in heard if name.isprintable())
     except (BusError, OSError):
         return []
 

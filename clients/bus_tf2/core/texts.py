@@ -1,5 +1,6 @@
 """tf2's texts about frames: reasons why there is no transform, and lists of all frames. Pure."""
 
+import re
 from collections.abc import Iterable
 
 from bus_tf2.core.twin import (
@@ -18,6 +19,7 @@ __all__ = [
     "all_frames_as_yaml",
     "failure_text",
     "frame_name_fault",
+    "quoted",
     "seconds",
 ]
 
@@ -25,6 +27,8 @@ Row = tuple[str, str | None, str | None, int, int, int]
 """A row of FrameTree.rows."""
 
 _SHORTEST_NS = 100_000
+_PLAIN = re.compile(r"[^\W\d][\w./-]*")
+"""Names that are texts in YAML without quotes, as tf2 writes all names."""
 
 
 def seconds(time_ns: int) -> str:
@@ -70,9 +74,9 @@ def all_frames_as_yaml(rows: Iterable[Row], *, is_empty: bool) -> str:
     for name, parent, authority, count, latest_ns, oldest_ns in rows:
         if parent is not None:
             lines += [
-                f"{name}: \n",
-                f"  parent: '{parent}'\n",
-                f"  broadcaster: '{authority or 'no recorded authority'}'\n",
+                f"{name if _PLAIN.fullmatch(name) else quoted(name)}: \n",
+                f"  parent: {_value(parent)}\n",
+                f"  broadcaster: {_value(authority or 'no recorded authority')}\n",
                 f"  rate: {_rate(count, latest_ns - oldest_ns):.3f}\n",
                 f"  most_recent_transform: {seconds(latest_ns)}\n",
                 f"  oldest_transform: {seconds(oldest_ns)}\n",
@@ -90,7 +94,8 @@ def all_frames_as_dot(rows: Iterable[Row], names: Iterable[str], now_ns: int) ->
         if parent is not None:
             age = f"( {(now_ns - latest_ns) / 1e9:.3f} sec old)" if now_ns else ""
             lines.append(
-                f'"{parent}" -> "{name}"[label="Broadcaster: {authority or "no recorded authority"}\\n'
+                f"{quoted(parent)} -> {quoted(name)}"
+                f'[label="Broadcaster: {quoted(authority or "no recorded authority")[1:-1]}\\n'
                 f"Average rate: {_rate(count, latest_ns - oldest_ns):.3f} Hz\\n"
                 f"Most recent transform: {seconds(latest_ns)} {age}\\n"
                 f'Buffer length: {(latest_ns - oldest_ns) / 1e9:.3f} sec\\n"];\n'
@@ -106,8 +111,21 @@ def all_frames_as_dot(rows: Iterable[Row], names: Iterable[str], now_ns: int) ->
     for name in all_names:
         is_root = name not in parents
         if (is_root and now_ns) or (not is_root and parents[name] is None):
-            lines.append(f'{legend}{recorded}}}->"{name}";\n')
+            lines.append(f"{legend}{recorded}}}->{quoted(name)};\n")
     return "".join([*lines, "}"])
+
+
+def quoted(text: str) -> str:
+    """`text` in double quotes, as in YAML and in Graphviz's language, with escapes for control characters."""
+    shown = text.replace("\\", r"\\").replace('"', r"\"")
+    if not shown.isprintable():
+        shown = "".join(one if one.isprintable() else f"\\U{ord(one):08x}" for one in shown)
+    return f'"{shown}"'
+
+
+def _value(text: str) -> str:
+    """`text` as YAML, as tf2 writes it if it can be read again."""
+    return f"'{text}'" if text.isprintable() and "'" not in text else quoted(text)
 
 
 def _rate(count: int, length_ns: int) -> float:

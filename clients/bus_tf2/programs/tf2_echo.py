@@ -11,6 +11,7 @@ from math import asin, atan2, cos, degrees, pi
 from typing import Any, NamedTuple
 
 import bus_ros.rclpy as rclpy
+from bus.base.printable import printable
 from bus_ros.rclpy.clock import Clock, ClockType
 from bus_ros.rclpy.duration import Duration
 from bus_ros.rclpy.node import Node
@@ -166,6 +167,6 @@ def _echo(wish: Wish) -> None:
                 "The current list of frames is:",
                 buffer.all_frames_as_string(),
             ]
-        print("\n".join(said), flush=True)
+        print(printable("\n".join(said)), flush=True)
         clock.sleep_for(period)
     listener.unregister()

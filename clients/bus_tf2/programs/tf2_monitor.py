@@ -9,6 +9,7 @@ from collections.abc import Iterable, Sequence
 from threading import Lock
 
 import bus_ros.rclpy as rclpy
+from bus.base.printable import printable
 from bus_ros.rclpy.clock import Clock, ClockType
 from bus_ros.rclpy.duration import Duration
 from bus_ros.rclpy.node import Node
@@ -50,7 +51,8 @@ class Counts:
         said = ["Frames:"]
         for frame in sorted(self.delays):
             if frames is None or frame in frames:
-                said.append(f"Frame: {frame}, published by {_NOBODY}, {_average(self.delays[frame])}")
+                name = printable(frame, keep="")
+                said.append(f"Frame: {name}, published by {_NOBODY}, {_average(self.delays[frame])}")
         said += ["", "All Broadcasters:"]
         if self.arrivals:
             length_s = max(1e-8, self.arrivals[-1] - self.arrivals[0])
@@ -123,7 +125,7 @@ def _watch(to: str = "", of: str = "") -> None:
             said = ["", "", "", f"RESULTS: for {f'{to} to {of}' if to else 'all Frames'}"]
             if chain is not None:
                 said += [
-                    f"Chain is: {' -> '.join(chain)}",
+                    f"Chain is: {printable(' -> '.join(chain), keep='')}",
                     f"Net delay     avg = {average_s:g}: max = {most_s:g}",
                 ]
             with lock:

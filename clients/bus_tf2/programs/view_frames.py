@@ -14,6 +14,7 @@ from typing import Any
 import bus_ros.rclpy as rclpy
 from bus_ros.rclpy.executors import SingleThreadedExecutor
 from bus_ros.rclpy.node import Node
+from bus_tf2.core.texts import quoted
 from bus_tf2.programs.shell import begun, own_words
 from bus_tf2.tf2_ros import Buffer, TransformListener
 from bus_tf2.tf2_ros.transform_listener import DEFAULT_STATIC_TF_TOPIC, DEFAULT_TF_TOPIC
@@ -55,7 +56,8 @@ def as_dot(frames: Mapping[str, Mapping[str, Any]], now_s: float) -> str:
     root = ""
     for name, frame in frames.items():
         lines.append(
-            f'"{frame["parent"]}" -> "{name}"[label=" Broadcaster: {frame["broadcaster"]}\\n'
+            f"{quoted(frame['parent'])} -> {quoted(str(name))}"
+            f'[label=" Broadcaster: {quoted(frame["broadcaster"])[1:-1]}\\n'
             f"Average rate: {frame['rate']}\\n"
             f"Buffer length: {frame['buffer_length']}\\n"
             f"Most recent transform: {frame['most_recent_transform']}\\n"
@@ -67,7 +69,7 @@ def as_dot(frames: Mapping[str, Mapping[str, Any]], now_s: float) -> str:
         "edge [style=invis];",
         ' subgraph cluster_legend { style=bold; color=black; label ="view_frames Result";',
         f'"Recorded at time: {now_s}"[ shape=plaintext ] ;',
-        f'}}->"{root}";',
+        f"}}->{quoted(root)};",
         "}",
     ]
     return "\n".join(lines)

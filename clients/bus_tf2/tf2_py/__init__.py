@@ -1,6 +1,6 @@
 """`tf2_py` on the bus: the buffer of transforms that knows no topics, and tf2's exceptions.
 
-`buffer_core.py` turns messages into numbers for the core and back. `exceptions.py` imports nothing.
+`buffer_core.py` turns messages into numbers for the core and back. `exceptions.py` knows neither.
 
 Invariants: classes, exceptions and texts are those of ROS 2's tf2_py; nothing here knows topics, nodes, or
 waits.

@@ -7,6 +7,7 @@ topics, nodes, waiting.
 import sys
 from typing import TYPE_CHECKING, Any, NoReturn, Protocol, cast
 
+from bus.base.printable import printable
 from bus_tf2.core import FrameTree, texts
 from bus_tf2.core.rotation import composed
 from bus_tf2.core.twin import IS_DENORMALIZED, IS_NAN, IS_OLD, LOOP, UNCONNECTED, UNKNOWN, Answer, Failure
@@ -204,7 +205,7 @@ class BufferCore:
         for frame, role in ((target, "target"), (source, "source")):
             if fault := self.__fault(frame):
                 return _invalid(frame, f"canTransform argument {role}_frame", fault)
-        return self.__text(failure, target, source)
+        return printable(self.__text(failure, target, source))
 
     def __validate(self, frame: str, role: str) -> None:
         if fault := texts.frame_name_fault(frame):
@@ -255,7 +256,7 @@ def _stamped(target: str, source: str, found: Answer) -> Any:
 
 
 def _invalid(frame: str, role: str, fault: str) -> str:
-    return f'Invalid frame ID "{frame}" passed to {role} - {fault}'
+    return printable(f'Invalid frame ID "{frame}" passed to {role} - {fault}')
 
 
 def _warn_of_names(parent: str, child: str, authority: str) -> None:
@@ -294,4 +295,4 @@ def _warn_of_numbers(
 
 
 def _say(text: str) -> None:
-    print(text, file=sys.stderr)
+    print(printable(text), file=sys.stderr)

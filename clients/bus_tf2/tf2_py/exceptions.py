@@ -1,4 +1,6 @@
-"""The exceptions of a look-up without a transform. Imports nothing."""
+"""The exceptions of a look-up without a transform."""
+
+from bus.base.printable import printable
 
 __all__ = [
     "ConnectivityException",
@@ -11,7 +13,14 @@ __all__ = [
 
 
 class TransformException(Exception):
-    """The base of all of tf2's."""
+    """The base of all of tf2's.
+
+    Its text may contain names from other processes. str(), which tracebacks and logs show, has no control
+    characters except newlines and tabs.
+    """
+
+    def __str__(self) -> str:
+        return printable(super().__str__())
 
 
 class ConnectivityException(TransformException):

@@ -20,6 +20,12 @@ def test_counts() -> None:
     assert counts.lines(["b"])[1].startswith("Frame: b,")
 
 
+def test_a_name_with_escape_sequences() -> None:
+    counts = Counts()
+    counts.add(1.0, [("\x1b[2Ja\n", 1.0)])
+    assert counts.lines()[1].startswith(r"Frame: \x1b[2Ja\n, published")
+
+
 def test_only_the_last_thousand() -> None:
     counts = Counts()
     for number in range(1500):

@@ -1,5 +1,7 @@
 """The drawing that view_frames makes."""
 
+from itertools import pairwise
+
 import yaml
 
 from bus_tf2.programs.view_frames import as_dot
@@ -24,6 +26,33 @@ def test_a_tree() -> None:
         '}->"world";\n'
         "}"
     )
+
+
+def test_strange_names() -> None:
+    """YAML and Graphviz read each name again; a terminal that shows the drawing executes none."""
+    buffer = BufferCore()
+    strange = [
+        "a: b",
+        "[",
+        "it's",
+        'x" -> "y',
+        "ends with \\",
+        "\x1b[31mred\x1b[0m\n",
+        "\x9b2J\u202e",
+        "1",
+        "ä",
+    ]
+    for parent, child in pairwise(strange):
+        buffer.set_transform_static(transform(parent, child), "me")
+    frames = yaml.safe_load(buffer.all_frames_as_yaml())
+    assert {child: frame["parent"] for child, frame in frames.items()} == {
+        child: parent for parent, child in pairwise(strange)
+    }
+    for drawing in (as_dot(frames, 1.0), buffer._allFramesAsDot()):
+        assert drawing.replace("\n", "").isprintable()
+        assert r'"a: b" -> "["[label=' in drawing
+        assert r'"x\" -> \"y" -> "ends with \\"[label=' in drawing
+        assert r'-> "\U0000001b[31mred\U0000001b[0m\U0000000a"[label=' in drawing
 
 
 def test_nothing() -> None:

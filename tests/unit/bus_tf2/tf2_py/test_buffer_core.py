@@ -164,6 +164,16 @@ class TestRefusals:
             with pytest.raises(InvalidArgumentException, match=r"^Invalid time"):
                 look_up()
 
+    def test_names_with_escape_sequences(
+        self, buffer: BufferCore, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        hostile, shown = "\x1b[2Jb", r"\x1b[2Jb"
+        buffer.set_transform(transform("a", hostile, 1), "me")
+        text = refusal(buffer, "a", hostile, at(2), ExtrapolationException)
+        assert text.endswith(f"from frame [{shown}] to frame [a]")
+        buffer.set_transform(transform(hostile, hostile), "me")
+        assert f'"{shown}"' in capsys.readouterr().err
+
     def test_two_trees(self, buffer: BufferCore) -> None:
         buffer.set_transform_static(transform("a", "b"), "me")
         buffer.set_transform_static(transform("c", "d"), "me")
