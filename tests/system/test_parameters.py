@@ -83,6 +83,9 @@ VERBS = [
     "set NODE ratio 1",
     "set NODE nosuch 1",
     "set NODE ids []",
+    "set NODE names []",
+    "set NODE octets []",
+    "set NODE ratio []",
     "set NODE extra text",
     "delete NODE extra",
     "load NODE FILE",
@@ -101,7 +104,7 @@ def test_tools_see_both_apis_alike(daemon: object, tmp_path: Path) -> None:
             # Nodes of rclpy have one parameter more, as in ROS 2.
             out = [line for line in two.out.splitlines(True) if "start_type_description_service" not in line]
             assert (one.out.replace("one", "two"), *one[1:]) == ("".join(out), *two[1:]), verb
-        assert "speed: 50" in one.out and "name: right" in one.out
+        assert "speed: 50" in one.out and "name: right" in one.out and "names: []" in one.out
         assert "extra" not in one.out
 
 

@@ -179,11 +179,26 @@ class Remote:
         return self._as_many(names, values)
 
     async def set(self, values: dict[str, Any]) -> list[Any]:
-        """Set each parameter separately; None deletes it. Returns SetParametersResults."""
+        """Set each parameter separately; None deletes it. Returns SetParametersResults.
+
+        An empty list gets the type of the declaration.
+        """
         make = _message("Parameter")
-        parameters = [make(name=name, value=value_of(value)) for name, value in values.items()]
+        types = await self._list_types([name for name, value in values.items() if value == []])
+        parameters = [
+            make(name=name, value=value_of(value, types.get(name, ParameterType.BOOL_ARRAY)))
+            for name, value in values.items()
+        ]
         response = await self.call("SetParameters", parameters=parameters)
         return self._as_many(values, response.results)
+
+    async def _list_types(self, names: list[str]) -> dict[str, ParameterType]:
+        """The types of those of `names` that are declared as lists."""
+        if not names:
+            return {}
+        response = await self.call("DescribeParameters", names=names)
+        known = [type_ for type_ in ParameterType if type_.is_array]
+        return {one.name: ParameterType(one.type) for one in response.descriptors if one.type in known}
 
     def _as_many(self, wanted: Collection[str], found: list[Any]) -> list[Any]:
         if len(found) != len(wanted):
@@ -247,11 +262,14 @@ def say_result(args: Namespace, result: Any, done: str, failed: str) -> int:
     return 0 if result.successful else 1
 
 
-def value_of(value: Any) -> Any:
-    """A ParameterValue for a value read by `bus.parameters.file`; None means not set."""
-    # ROS takes an empty list for a list of booleans here.
-    type_ = ParameterType.BOOL_ARRAY if value == [] else ParameterType.from_parameter_value(value)
-    return value_message(_message, type_, value)
+def value_of(value: Any, empty: ParameterType = ParameterType.BOOL_ARRAY) -> Any:
+    """A ParameterValue for a value read by `bus.parameters.file`; None means not set.
+
+    `empty`: the type of an empty list. Without a declaration, ROS takes it for a list of booleans.
+    """
+    if value == []:
+        return value_message(_message, empty, b"" if empty is ParameterType.BYTE_ARRAY else value)
+    return value_message(_message, ParameterType.from_parameter_value(value), value)
 
 
 def _message(name: str) -> Any:
