@@ -159,18 +159,19 @@ def _existing(package: str) -> Iterator[str]:
 def _load(path: str, name: str) -> idl.Message | idl.Service | idl.Action:
     from bus.types import idl
 
-    kind = name.split("/")[1]
+    package, kind, _ = name.split("/")
     try:
         with open(path, encoding="utf-8") as file:
             text = file.read()
     except UnicodeDecodeError as error:
         raise ConfigurationError(f"{name}.{kind}: it is no text of UTF-8: {error}") from error
+    has_header = find_path(f"{package}/msg/Header") not in (None, path)
     if kind == "msg":
-        message = idl.parse_message(text, name)
+        message = idl.parse_message(text, name, has_header=has_header)
         _check_nested(message, path, name)
         return message
     parse = idl.parse_service if kind == "srv" else idl.parse_action
-    definition = parse(text, name)
+    definition = parse(text, name, has_header=has_header)
     for part in definition[1:]:
         _check_nested(part, path, name)
     return definition

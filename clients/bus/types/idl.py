@@ -8,7 +8,7 @@ type in a definition exists, Python classes.
     string<=10 label "none"               a text of at most 10 characters
     float64[] xs [1.0, 2]                 `T[]` any number of values, `T[<=3]` at most 3, `T[3]` exactly 3
     geometry_msgs/Point32[] corners       or `geometry_msgs/msg/Point32`, or `Corner` of the same package
-    Header header                         std_msgs/msg/Header
+    Header header                         std_msgs/msg/Header, unless the package has a Header of its own
 
 A line `---` separates the request of a service from its response, and an action's three messages.
 """
@@ -62,8 +62,9 @@ CARRIERS: Final = {
 
 _EVENT: Final = ("info", "request", "response")
 
+_HEADER: Final = "Header"
 _SHORT_NAMES: Final = {
-    "Header": "std_msgs/msg/Header",
+    _HEADER: _HEADER,  # the package decides: see `_parse_parts`
     "time": "builtin_interfaces/msg/Time",
     "duration": "builtin_interfaces/msg/Duration",
 }
@@ -140,23 +141,24 @@ class Action(NamedTuple):
     feedback: Message
 
 
-def parse_message(text: str, name: str) -> Message:
+def parse_message(text: str, name: str, *, has_header: bool = False) -> Message:
     """Parse the text of a .msg file; `name` is like `std_msgs/msg/String`.
 
-    Raises ConfigurationError with the line and its fault.
+    `has_header`: the package has a message Header, which `Header` without a package means then. Else it is
+    std_msgs/msg/Header, as in ROS 1. Raises ConfigurationError with the line and its fault.
     """
-    return _parse(text, name, "msg", ("",))[0]
+    return _parse(text, name, "msg", ("",), has_header)[0]
 
 
-def parse_service(text: str, name: str) -> Service:
-    """Parse the text of a .srv file; the errors are like those of `parse_message`."""
-    request, response = _parse(text, name, "srv", PARTS["srv"])
+def parse_service(text: str, name: str, *, has_header: bool = False) -> Service:
+    """Parse the text of a .srv file; arguments and errors are like those of `parse_message`."""
+    request, response = _parse(text, name, "srv", PARTS["srv"], has_header)
     return Service(name, request, response)
 
 
-def parse_action(text: str, name: str) -> Action:
-    """Parse the text of an .action file; the errors are like those of `parse_message`."""
-    goal, result, feedback = _parse(text, name, "action", PARTS["action"])
+def parse_action(text: str, name: str, *, has_header: bool = False) -> Action:
+    """Parse the text of an .action file; arguments and errors are like those of `parse_message`."""
+    goal, result, feedback = _parse(text, name, "action", PARTS["action"], has_header)
     return Action(name, goal, result, feedback)
 
 
@@ -183,26 +185,27 @@ def carriers(action: Action) -> dict[str, Message]:
     }
 
 
-def parse_part(text: str, name: str) -> Message:
+def parse_part(text: str, name: str, *, has_header: bool = False) -> Message:
     """Parse one type of a text with a type and all types that it needs, as in bag files.
 
     It may be a part of a service or an action, `std_srvs/srv/SetBool_Event`, and so may the types of its
-    fields. The errors are like those of `parse_message`.
+    fields. Arguments and errors are like those of `parse_message`.
     """
-    return _parse_parts(text, name, name.split("/")[1], ("",))[0]
+    return _parse_parts(text, name, name.split("/")[1], ("",), has_header)[0]
 
 
 class _Wrong(Exception):
     """The fault of a line."""
 
 
-def _parse(text: str, name: str, kind: str, parts: tuple[str, ...]) -> list[Message]:
+def _parse(text: str, name: str, kind: str, parts: tuple[str, ...], has_header: bool) -> list[Message]:
     _check_name(name, kind)
-    return _parse_parts(text, name, kind, parts)
+    return _parse_parts(text, name, kind, parts, has_header)
 
 
-def _parse_parts(text: str, name: str, kind: str, parts: tuple[str, ...]) -> list[Message]:
+def _parse_parts(text: str, name: str, kind: str, parts: tuple[str, ...], has_header: bool) -> list[Message]:
     package = name.partition("/")[0]
+    header = f"{package if has_header else 'std_msgs'}/msg/{_HEADER}"
     messages = [Message(f"{name}_{part}" if part else name) for part in parts]
     fields: list[list[Field]] = [[] for _ in parts]
     constants: list[list[Constant]] = [[] for _ in parts]
@@ -221,6 +224,8 @@ def _parse_parts(text: str, name: str, kind: str, parts: tuple[str, ...]) -> lis
                     raise _Wrong(f"there are two of the name '{entry.name}'")
                 names[at].add(entry.name)
                 if isinstance(entry, Field):
+                    if entry.type.base == _HEADER:
+                        entry = entry._replace(type=entry.type._replace(base=header))
                     fields[at].append(entry)
                 else:
                     constants[at].append(entry)

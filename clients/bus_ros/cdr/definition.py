@@ -45,7 +45,8 @@ def parse(type_name: str, text: str) -> Schema:
             continue
         if name not in parts:
             raise ConfigurationError(f"the definition of {type_name} lacks {name}")
-        message = parse_part(parts[name], name)
+        own = f"{name.partition('/')[0]}/msg/Header"
+        message = parse_part(parts[name], name, has_header=own in parts and own != name)
         types[name] = {"array": True, "fields": [_field(name, field) for field in _real(message)]}
         todo += [field.type.base for field in message.fields if "/" in field.type.base]
     return {"root": type_name, "types": types}

@@ -350,6 +350,22 @@ def test_a_message_within_itself_is_refused(own: Path) -> None:
         rosidl.message_class("demo/msg/Wheel")
 
 
+def test_a_header_of_the_own_package(own: Path) -> None:
+    """`Header` is that of the package; std_msgs has it for packages without one, as in ROS 1."""
+    write(own, "demo/srv/Turn", "Header header\n---\nHeader header\n")
+    write(own, "other/msg/Wheel", "Header header\n")
+    write(own, "demo/msg/Header", "Header header\nint32 size\n")
+    assert make(own, "Header header\nstd_msgs/Header std\n")().header.size == 0
+    found: Any = message_class
+    assert found("demo/msg/Wheel")().std.frame_id == ""
+    assert found("demo/srv/Turn_Response")().header.size == 0
+    assert found("demo/msg/Header")().header.frame_id == ""
+    assert found("other/msg/Wheel")().header.frame_id == ""
+    write(own, "other/msg/Rim", "other/Header header\n")
+    with pytest.raises(ConfigurationError, match=r"Rim.msg:1: 'Header' is not a known type"):
+        message_class("other/msg/Rim")
+
+
 def test_full_names(own: Path) -> None:
     assert full_name("std_msgs/String") == full_name("std_msgs/msg/String") == "std_msgs/msg/String"
     assert full_name("std_srvs/SetBool") == "std_srvs/srv/SetBool"

@@ -54,6 +54,12 @@ def test_types(text: str, type_: Type) -> None:
     assert field(f"{text} x") == Field("x", type_, None, 1)
 
 
+def test_a_header_of_the_own_package() -> None:
+    (own, std) = parse_message("Header[2] own\nstd_msgs/Header std", "demo/msg/Wheel", has_header=True).fields
+    assert own.type == Type("demo/msg/Header", None, "fixed", 2)
+    assert std.type == Type("std_msgs/msg/Header")
+
+
 @for_each(
     ("line", "value"),
     [

@@ -89,6 +89,17 @@ def test_a_message_without_fields_has_none_here() -> None:
         assert schema.description["types"]["std_msgs/msg/Empty"]["fields"] == []
 
 
+def test_a_header_of_the_own_package() -> None:
+    std = f"{LINE}\nMSG: std_msgs/Header\nint8 x\n"
+    own = f"{LINE}\nMSG: a/Header\nHeader header\n"
+    for parts, types in (
+        (own + std, ["a/msg/A", "a/msg/Header", "std_msgs/msg/Header"]),
+        (std, ["a/msg/A", "std_msgs/msg/Header"]),
+    ):
+        schema = schema_of_definition("a/msg/A", f"Header header\n{parts}")
+        assert list(schema.description["types"]) == types
+
+
 def test_parts_that_nobody_needs_are_left_out() -> None:
     schema = schema_of_definition("a/msg/A", f"int8 x\n{LINE}\nMSG: a/B\nnonsense\n")
     assert list(schema.description["types"]) == ["a/msg/A"]
