@@ -9,7 +9,8 @@ from contextlib import suppress
 from typing import Any
 
 import bus_ros.rclpy as rclpy
-from bus_ros.rclpy.exceptions import InvalidTopicNameException, ParameterException
+from bus.errors import BusError
+from bus_ros.rclpy.exceptions import NameValidationException, ParameterException
 from bus_ros.rclpy.executors import ExternalShutdownException
 from bus_ros.rclpy.impl.rcutils_logger import RcutilsLogger
 from bus_ros.rclpy.node import Node
@@ -73,7 +74,7 @@ class TurtleSim(Node):
         name = self.world.spawn(x, y, theta, self.get_clock().now().nanoseconds, name)
         try:
             self._endpoints[name] = TurtleEndpoints(self, name, self.world.turtles[name])
-        except InvalidTopicNameException as error:
+        except (NameValidationException, BusError) as error:
             self.world.kill(name)
             raise ValueError(f"Can't spawn a turtle named [{name}]: {error}") from None
         self.get_logger().info(f"Spawning turtle [{name}] at x=[{x:f}], y=[{y:f}], theta=[{theta:f}]")

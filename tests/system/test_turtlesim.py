@@ -140,6 +140,10 @@ async def test_turtles_come_and_go(sim: Sim) -> None:
     await sim.node.line(r"\[ERROR\] \S+ \[turtlesim\]: A turtle named \[turtle2\] already exists$")
     await sim.call("/spawn", spawn, "{name: 'no name'}")
     await sim.node.line(r"Can't spawn a turtle named \[no name\]: ")
+    long = "b" * 210  # its services are longer than a topic may be
+    await sim.call("/spawn", spawn, f"{{name: {long}}}")
+    await sim.node.line(rf"Can't spawn a turtle named \[{long}\]: ")
+    await sim.call("/kill", "turtlesim/srv/Kill", f"{{name: {long}}}")
     await sim.call("/spawn", spawn, "{x: .nan}")
     await sim.node.line(r"Can't spawn a turtle at x=\[nan\]")
     await sim.call("/kill", "turtlesim/srv/Kill", "{name: turtle2}")
