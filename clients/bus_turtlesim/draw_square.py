@@ -12,6 +12,7 @@ import bus_ros.rclpy as rclpy
 from bus_ros.rclpy.executors import ExternalShutdownException
 from bus_ros.rclpy.node import Node
 from bus_turtlesim.messages import Empty, Pose, Twist
+from bus_turtlesim.world import are_finite
 
 __all__ = ["DrawSquare", "Place", "Square", "main"]
 
@@ -96,7 +97,8 @@ class DrawSquare(Node):
         self.create_timer(_PERIOD_S, self._step)
 
     def _on_pose(self, pose: Any) -> None:
-        self._pose = pose
+        if are_finite(pose.x, pose.y, pose.theta):
+            self._pose = pose
 
     def _step(self) -> None:
         if not self._is_reset:

@@ -3,7 +3,7 @@
 The parameter `turtlename` names the turtle.
 """
 
-from math import cos, sin
+from math import cos, isfinite, sin
 from typing import Any
 
 import bus_ros.rclpy as rclpy
@@ -26,6 +26,8 @@ class FramePublisher(Node):
         self.create_subscription(pose, f"/{self.turtlename}/pose", self._place, 1)
 
     def _place(self, pose: Any) -> None:
+        if not isfinite(pose.theta):
+            return
         found = message("geometry_msgs/msg/TransformStamped", child_frame_id=self.turtlename)
         found.header.stamp = self.get_clock().now().to_msg()
         found.header.frame_id = "world"

@@ -1,6 +1,9 @@
 """The way round the square, without a bus."""
 
-from bus_turtlesim.draw_square import Place, Square
+from math import inf, nan
+
+from bus_turtlesim.draw_square import DrawSquare, Place, Square
+from bus_turtlesim.messages import Pose
 from bus_turtlesim.world import PERIOD_S, World
 
 
@@ -20,3 +23,11 @@ def test_a_turtle_comes_round() -> None:
         turtle.step(now_ns)
     assert corners[:8] == [(7, 5), (7, 5), (7, 7), (7, 7), (5, 7), (5, 7), (5, 5), (5, 5)]
     assert said[:2] == ["New goal [7.000000 5.000000, 0.000000]", "Reached goal"]
+
+
+def test_a_pose_that_is_not_finite_is_ignored() -> None:
+    node = object.__new__(DrawSquare)
+    node._pose = usual = Pose(x=1.0)
+    for pose in (Pose(theta=inf), Pose(x=nan), Pose(y=-inf)):
+        node._on_pose(pose)
+    assert node._pose is usual
