@@ -108,21 +108,22 @@ def _names(root: "Element", tag: str) -> Iterator[str]:
 
 def _root(links: list[str], joints: list[Joint]) -> str:
     above: dict[str, Joint] = {}
+    below: dict[str, list[str]] = {}
     for joint in joints:
         if other := above.get(joint.child):
             raise UrdfError(
                 f"link '{joint.child}' is the child of two joints: '{other.name}' and '{joint.name}'"
             )
         above[joint.child] = joint
+        below.setdefault(joint.parent, []).append(joint.child)
     roots = [link for link in links if link not in above]
     if len(roots) > 1:
         raise UrdfError(f"Two root links found: [{roots[0]}] and [{roots[1]}]")
-    for link in links:
-        at, steps = link, 0
-        while at in above and steps <= len(links):
-            at, steps = above[at].parent, steps + 1
-        if at in above:
-            raise UrdfError("No root link found. The robot xml is not a valid tree.")
+    reached = roots.copy()
+    for link in reached:  # the loop extends `reached`
+        reached += below.get(link, ())
+    if len(reached) < len(links):
+        raise UrdfError("No root link found. The robot xml is not a valid tree.")
     return roots[0]
 
 

@@ -1,6 +1,7 @@
 """Robots read from URDF, and the places of their links by their joints."""
 
 import math
+from itertools import pairwise
 
 import pytest
 
@@ -33,6 +34,16 @@ def test_a_robot() -> None:
     assert (found.name, found.root, found.links) == ("r", "a", ["a", "b"])
     assert [one.name for one in found.joints] == ["j"]
     assert parse(robot('<link name="a"/>')).root == "a"
+
+
+def test_a_long_robot_takes_no_minutes() -> None:
+    names = [f"l{number}" for number in range(20_000)]
+    links = "".join(f'<link name="{name}"/>' for name in names)
+    joints = "".join(
+        joint("fixed", ends=f'<parent link="{parent}"/><child link="{child}"/>', name=child)
+        for parent, child in pairwise(names)
+    )
+    assert parse(robot(links + joints)).root == "l0"
 
 
 def test_poses() -> None:
