@@ -174,14 +174,20 @@ class ZenohReader:
         found = records.read_part(payload, head[16:])
         if found is None:
             return False
-        content = found[1]
-        batch = self._assemble(content) if isinstance(content, Piece | Probe) else content
+        content, asked_from = found[1], self._assembler.size
+        if isinstance(content, Piece | Probe):
+            batch = self._assemble(content)
+        else:
+            self._assembler.clear()  # the far side no longer keeps the message of these pieces
+            batch = content
         if batch is not None and (batch := self._not_kept(batch)) is not None:
             self._kept_last = batch.last_number
             self._arrived.append(batch)
             if self._is_lossless:
                 self._acks.arrived(0, batch.payload_bytes)
-        elif not self._assembler.size:
+        elif self._assembler.left_out > self._kept_last:
+            self._kept_last = self._assembler.left_out
+        elif not self._assembler.size and not asked_from:
             return False  # otherwise it would be requested for ever
         self._ask_for_kept()
         return True

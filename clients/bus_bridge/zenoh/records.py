@@ -178,6 +178,8 @@ class Assembler:
         self._room = room
         self.size = 0
         """Number of bytes of an incomplete message."""
+        self.left_out = 0
+        """Number of the last message that had no room."""
         self._number = 0
         self._pieces: list[bytes] = []
 
@@ -191,6 +193,7 @@ class Assembler:
                 return None
         if not self._room.take(len(part.payload)):
             self.clear()
+            self.left_out = part.number
             return None
         self._pieces.append(part.payload)
         self.size += len(part.payload)
