@@ -219,13 +219,20 @@ class History:
         while len(kept) > self._depth or (self._bytes > HISTORY_BYTES and len(kept) > 1):
             self._bytes -= len(kept.popleft().payload)
 
-    def find(self, after: int, offset: int) -> Part | None:
+    @property
+    def last(self) -> int:
+        """Number of the newest message; 0 without one."""
+        return self._samples[-1].number if self._samples else 0
+
+    def find(self, after: int, offset: int, last: int) -> Part | None:
         """The part after the message with the number `after`: whole messages, or the piece at byte `offset`
-        of the next message. None if there is nothing."""
+        of the next message. None if there is nothing up to the message `last`."""
         found, size = list[Sample](), 0
         for sample in self._samples:
             if sample.number <= after:
                 continue
+            if sample.number > last:
+                break
             if len(sample.payload) > PART_BYTES:
                 if not found:
                     return piece(sample, offset if offset < len(sample.payload) else 0, 0)

@@ -81,6 +81,9 @@ class ZenohWriter:
         self._history: History | None = None
         if qos.durability is Durability.TRANSIENT_LOCAL:
             self._history = History(self._history_depth(rule))
+        self._kept_until: dict[str, int] = {}
+        """Number of the newest kept message when each importer joined. It gets later ones as parts: otherwise
+        it might never reach the end of a fast publisher's kept messages."""
         self._window = Window(lossless=qos.is_lossless)
         self._probing = Probing(self._window, self._probe, self._is_stuck)
         self._number = 0
@@ -185,8 +188,11 @@ class ZenohWriter:
         """Handle a change of the buses that take its messages."""
         for one in interests - self._interests:
             self._window.join(one.run)
+            if self._history is not None:
+                self._kept_until[one.run] = self._history.last
         for one in self._interests - interests:
             self._window.leave(one.run)
+            self._kept_until.pop(one.run, None)
         was_wanted, self._interests = self.is_wanted, interests
         if not interests:
             self._rest.clear()
@@ -224,7 +230,8 @@ class ZenohWriter:
             part = self._window.find(importer, asked[0]) or records.probe(self._window.last)
             query.reply(part.payload, part.head)
         else:
-            kept = None if self._history is None else self._history.find(*asked)
+            history, last = self._history, self._kept_until.get(importer, 0)
+            kept = None if history is None else history.find(*asked, last)
             begin = records.write_pair(base, 0)
             query.reply(*((b"", begin) if kept is None else (kept.payload, begin + kept.head)))
 

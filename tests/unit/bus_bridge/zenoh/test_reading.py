@@ -95,7 +95,7 @@ class Scene:
 
     def answer_from(self, history: History) -> None:
         """Answer the oldest question with kept messages, as another bridge does."""
-        self.answer(history.find(*self.questions[0].pair), 0)
+        self.answer(history.find(*self.questions[0].pair, history.last), 0)
 
 
 def sample(number: int, size: int = 1) -> Sample:

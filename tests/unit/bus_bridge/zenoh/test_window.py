@@ -241,7 +241,7 @@ def read(history: History) -> list[int]:
     """Read like an importer. Returns the numbers of the messages."""
     after, found = 0, list[int]()
     assembler = Assembler(Room(1 << 30))
-    while (part := history.find(after, assembler.size)) is not None:
+    while (part := history.find(after, assembler.size, history.last)) is not None:
         assert len(part.payload) <= PART_BYTES
         content = read_part(part.payload, part.head)
         assert content is not None
@@ -283,9 +283,9 @@ def test_a_history_is_bounded_in_bytes() -> None:
 def test_a_message_that_has_gone_while_it_was_read_is_left_out() -> None:
     history = History(1)
     history.add(some(1, 1, 300_000))
-    assert history.find(0, PART_BYTES) is not None
+    assert history.find(0, PART_BYTES, 1) is not None
     history.add(some(2, 2, 100_000))
-    part = history.find(0, 4 * PART_BYTES)
+    part = history.find(0, 4 * PART_BYTES, 2)
     assert part is not None
     content = read_part(part.payload, part.head)
     assert content is not None and isinstance(content[1], Piece)

@@ -16,7 +16,7 @@ from bus_bridge.engine import LocalEndpoint, LocalNode, RouteRule
 from bus_bridge.packed import Packed
 from bus_bridge.zenoh import probing, writing
 from bus_bridge.zenoh.presence import Interest
-from bus_bridge.zenoh.records import Part, Probe, read_part
+from bus_bridge.zenoh.records import Part, Probe, read_part, write_pair
 from bus_bridge.zenoh.writing import TRANSITIONS, WriterError, ZenohWriter
 from bus_bridge.zenoh.writing import WriterEvent as Event
 from bus_bridge.zenoh.writing import WriterState as State
@@ -41,6 +41,21 @@ class Outlet:
 
     def undeclare(self) -> None:
         self.is_gone = True
+
+
+class Query:
+    """A question of an importer."""
+
+    def __init__(self, payload: bytes) -> None:
+        self.payload = payload
+        self.answered, self.head = b"", b""
+        self.is_dropped = False
+
+    def reply(self, payload: bytes, head: bytes) -> None:
+        self.answered, self.head = payload, head
+
+    def drop(self) -> None:
+        self.is_dropped = True
 
 
 class Session:
@@ -99,6 +114,13 @@ class Scene:
 
     def write(self, *payloads: bytes) -> int:
         return self.writer.write(Loose([Sample(one, at, at) for at, one in enumerate(payloads, 1)]))
+
+    def kept(self, after: int, importer: str = RUN) -> list[int]:
+        """Numbers of the kept messages in the answer to an importer."""
+        query = Query(b"h" + write_pair(after, 0))
+        self.writer.reply(query, importer)  # type: ignore[arg-type]
+        found = read_part(query.answered, query.head[16:]) if query.head[16:] else None
+        return [one.number for one in found[1]] if found is not None and isinstance(found[1], Packed) else []
 
     def fill(self) -> None:
         """Write until there is no room."""
@@ -220,7 +242,7 @@ async def test_a_publisher_that_returns_gets_the_depth_of_a_new_rule() -> None:
 
     def kept() -> int:
         assert scene.writer._history is not None
-        part = scene.writer._history.find(0, 0)
+        part = scene.writer._history.find(0, 0, 5)
         found = None if part is None else read_part(part.payload, part.head)
         assert found is not None and isinstance(found[1], Packed)
         return found[1].count
@@ -264,3 +286,18 @@ async def test_importers_are_asked_again_where_nothing_moves(monkeypatch: pytest
     after = scene.probes
     await asyncio.sleep(0.02)
     assert scene.probes == after
+
+
+async def test_a_late_joiner_gets_messages_as_kept_ones_only_up_to_its_arrival() -> None:
+    """Otherwise a fast publisher keeps it reading for ever."""
+    scene = Scene(QoSProfile(10, durability="transient_local"))
+    late = Interest("later", "late")
+    scene.write(b"1", b"2")
+    scene.writer.see_interests(HERE | {late})
+    scene.writer.write(Loose([Sample(b"3", 3, 0)]))
+    assert scene.kept(0, "late") == [1, 2] and scene.kept(2, "late") == [] == scene.kept(0)
+    assert scene.parts == [1, 2]  # and message 3 as a part
+    scene.writer.see_interests(HERE)
+    scene.writer.see_interests(HERE | {late})
+    assert scene.kept(0, "late") == [1, 2, 3]
+    scene.writer.end()
