@@ -70,14 +70,18 @@ class Arrival:
             self._held_bytes += size
         return []
 
+    def skip_to(self, number: int) -> list[Content]:
+        """Skip missing parts before `number` that the far side no longer keeps; returns the parts to pass
+        on."""
+        self.last = max(self.last, min((number, *self._held)) - 1)
+        return self._flush()
+
     def skip(self, upto: int) -> list[Content]:
-        """Skip missing parts that the far side no longer keeps; returns the parts to pass on.
+        """Skip all missing parts, because the far side keeps none; returns the parts to pass on.
 
         `upto`: the newest part, as the far side has answered. A higher number came from another program.
         """
-        first_held = min(self._held, default=self._newest + 1)
-        self.last = max(self.last, min(first_held - 1, upto))
-        gone = self._flush()
+        gone = self.skip_to(min(self._newest, upto) + 1)
         self._newest = max(self.last, upto)
         return gone
 

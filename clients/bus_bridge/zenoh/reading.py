@@ -137,10 +137,14 @@ class ZenohReader:
         if found is None:
             self._break()
             return
-        if not isinstance(found[1], Probe):
-            self._unpack(self._arrival.arrive(*found, len(payload)))
-        elif number == self._arrival.last + 1:
-            self._unpack(self._arrival.skip(found[0]))
+        answered, content = found
+        is_next = number == self._arrival.last + 1
+        if not isinstance(content, Probe):
+            if is_next:
+                self._unpack(self._arrival.skip_to(answered))
+            self._unpack(self._arrival.arrive(answered, content, len(payload)))
+        elif is_next:
+            self._unpack(self._arrival.skip(answered))
         self._give()
 
     def _break(self) -> None:

@@ -9,8 +9,8 @@ from bus.qos import QoSProfile
 from bus_bridge.batch import Batch, Sample
 from bus_bridge.engine import FarEndpoint
 from bus_bridge.zenoh.presence import Interest
-from bus_bridge.zenoh.records import PART_BYTES, Part, Room, piece, read_pair, write_pair
-from bus_bridge.zenoh.window import History
+from bus_bridge.zenoh.records import PART_BYTES, Part, Room, pack, piece, probe, read_pair, write_pair
+from bus_bridge.zenoh.window import History, Window
 from rows import for_each
 
 pytest.importorskip("zenoh", reason="needs the extra zenoh: make setup installs it")
@@ -141,3 +141,38 @@ def test_a_kept_message_without_room_is_left_out() -> None:
     while scene.questions:
         scene.answer_from(history)
     assert not scene.broken and scene.numbers == [1, 3]
+
+
+def part(number: int) -> Part:
+    return pack([sample(number)], number)[0]
+
+
+def test_parts_from_before_the_far_side_knew_this_bridge_are_not_asked_for_for_ever() -> None:
+    scene, window = Scene(), Window(lossless=False)
+    scene.answer(None, 0)
+    for number in range(1, 11):
+        if number == 8:
+            window.join("run")
+        window.add(part(number))
+    scene.come(part(10))
+    for _ in range(20):
+        if scene.questions:
+            after = scene.questions[0].pair[0]
+            scene.answer(window.find("run", after) or probe(window.last))
+    assert scene.numbers == [8, 9, 10] and not scene.questions
+    scene.come(part(11))
+    assert scene.numbers[-1] == 11
+
+
+def test_an_answer_with_a_later_part_skips_no_part_that_is_on_its_way() -> None:
+    scene = Scene()
+    scene.answer(None, 0)
+    scene.come(part(2), part(4))
+    assert [one.pair[0] for one in scene.questions] == [0, 2]
+    before = scene.questions.pop(0)
+    assert scene.answer(part(4)) == (2, 0) and scene.numbers == []
+    scene.questions.insert(0, before)
+    scene.answer(part(1))
+    assert scene.numbers == [1, 2]
+    scene.answer(part(4))
+    assert scene.numbers == [1, 2, 4]
