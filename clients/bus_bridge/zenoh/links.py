@@ -15,6 +15,8 @@ __all__ = ["Links"]
 
 _PROBE_S = 2.0
 _REFUSAL_S = 0.3
+_AT_ONCE = 16
+"""Number of addresses that are tried at the same time."""
 _PATIENCE = 3
 """Number of checks in a row without a link before the user gets a message."""
 
@@ -47,6 +49,7 @@ class Links:
     async def check(self) -> None:
         """Find the reason for each missing link, and report each reason once."""
         links = self._session.links()
+        due = list[Address]()
         for address in self._connect:
             if (link := self._find(address, links)) is not None:
                 self._missed[address.text] = 0
@@ -65,9 +68,11 @@ class Links:
             if self._options.router and links:  # one router is enough
                 continue
             missed = self._missed[address.text] = self._missed.get(address.text, 0) + 1
-            if missed % _PATIENCE:
-                continue
-            reason = await self._probe(address)
+            if missed % _PATIENCE == 0:
+                due.append(address)
+        few = asyncio.Semaphore(_AT_ONCE)
+        reasons = await asyncio.gather(*(self._probe(address, few) for address in due))
+        for address, reason in zip(due, reasons, strict=True):
             self._reasons.pop(address.text, None)
             if reason:
                 self._answered.discard(address.text)
@@ -125,11 +130,11 @@ class Links:
         hosts = {place.rpartition(":")[0] for place in places}
         return any(link.dst.partition("/")[2].rpartition(":")[0] in hosts for link in links)
 
-    async def _probe(self, address: Address) -> str:
+    async def _probe(self, address: Address, few: asyncio.Semaphore) -> str:
         """Try to reach an address; returns the error, or "" if it is reachable."""
         loop = asyncio.get_running_loop()
         try:
-            async with asyncio.timeout(_PROBE_S):
+            async with few, asyncio.timeout(_PROBE_S):
                 found = await loop.getaddrinfo(address.host, address.port, type=socket.SOCK_STREAM)
                 self._resolved[address.text] = frozenset(_place(one[4][0], one[4][1]) for one in found)
                 if address.protocol == "quic":
@@ -144,7 +149,7 @@ class Links:
                     writer.close()
         except TimeoutError:
             return "no answer"
-        except socket.gaierror:
+        except (socket.gaierror, UnicodeError):  # UnicodeError: a part of the name is too long
             return f"the host '{address.host}' is unknown"
         except ssl.SSLCertVerificationError as error:
             return f"its certificate is not valid here: {error.verify_message}"

@@ -7,6 +7,7 @@ import pytest
 
 pytest.importorskip("zenoh", reason="needs the extra zenoh: make setup installs it")
 
+from bus_bridge.zenoh import links as links_module
 from bus_bridge.zenoh.links import Links
 from bus_bridge.zenoh.options import ZenohOptions
 from bus_bridge.zenoh.session import Link
@@ -93,3 +94,36 @@ async def test_a_tunnel_without_a_bridge_is_said_to_be_one_and_never_up_by_anoth
         reason = "it accepts connections and closes them at once: a tunnel without a bridge?"
         assert said == [f"--connect {where}: {reason}; still trying"]
         assert [(one.state, one.text) for one in links.status([])] == [("trying", reason)]
+
+
+async def test_a_host_name_that_no_host_can_have_is_unknown() -> None:
+    said, host = list[str](), "a" * 64 + ".local"
+    links = Links(ZenohOptions(connect=(f"tcp/{host}:7447",)), Session(), said.append)  # type: ignore[arg-type]
+    for _ in range(3):
+        await links.check()
+    assert said == [f"--connect tcp/{host}:7447: the host '{host}' is unknown; still trying"]
+
+
+async def test_addresses_that_do_not_answer_are_tried_at_once_but_not_all(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    trying, most, said = 0, 0, list[str]()
+
+    async def look_up(host: str, port: int, **_: object) -> object:
+        nonlocal trying, most
+        trying += 1
+        most = max(most, trying)
+        try:
+            return await asyncio.Event().wait()
+        finally:
+            trying -= 1
+
+    monkeypatch.setattr(links_module, "_PROBE_S", 0.01)
+    monkeypatch.setattr(links_module, "_AT_ONCE", 4)
+    monkeypatch.setattr(asyncio.get_running_loop(), "getaddrinfo", look_up)
+    where = tuple(f"tcp/robot{number}:7447" for number in range(10))
+    links = Links(ZenohOptions(connect=where), Session(), said.append)  # type: ignore[arg-type]
+    for _ in range(3):
+        await links.check()
+    assert said == [f"--connect {one}: no answer; still trying" for one in where]
+    assert (trying, most) == (0, 4)
