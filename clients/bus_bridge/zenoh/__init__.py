@@ -12,7 +12,8 @@ Invariants:
 - zenoh calls back in its own threads. `session.py` passes everything to the event loop through bounded
   queues.
 - zenoh may drop any part. A route out keeps each part, within a limit, until every importer's bridge has it.
-- Tokens and keys of other bridges are hostile. An unreadable token is `Broken`, and only affects its sender.
+- Tokens and keys of other bridges are hostile, and do not prove their author. An unreadable token is
+  `Broken`, and has no effect.
 - The form of keys and records is a protocol between releases: its version is in each key.
 
 Read first: the docstring of `keys.py`, then `window.py` and `arrival.py`.

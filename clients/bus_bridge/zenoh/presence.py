@@ -4,7 +4,8 @@ Reports to a FarSide, in an order that it can follow: a bus, its nodes, its subs
 
 Every admitted bridge may write any token, and a token does not prove its author. So the first bridge with the
 id of a bus keeps the id until it goes. A restarted bridge waits until the remains of its predecessor have
-gone. If a bridge claims the id of another bus, it waits without effect. A fault in a run only affects that
+gone. If a bridge claims the id of another bus, it waits without effect. Also within a run, the first token
+for a thing counts until it goes, and an unreadable token has no effect. A fault in a run only affects that
 run.
 """
 
@@ -52,8 +53,8 @@ class _Run:
         self.groups = read_run(run)
         self.token: BusToken | None = None
         self.nodes: dict[str, FarNode] = {}
-        self.endpoints: dict[str, FarEndpoint] = {}
-        """Endpoints by token."""
+        self.endpoints: dict[tuple[bytes, str], FarEndpoint] = {}
+        """Endpoints by gid and node."""
         self.interests: dict[str, bytes] = {}
         self.is_told = False
         self.refusal = ""
@@ -97,8 +98,8 @@ class Presence:
                 )
                 return
             case Broken(bus, name, reason):
-                if (broken := self._runs.get((bus, name))) is not None:
-                    self._refuse(broken, reason)
+                if (bus, name) in self._runs:
+                    self._far.warn(f"a token of bus '{bus}' is ignored: {reason}")
                 return
         if token.bus == self._own:
             if isinstance(token, BusToken) and token.run != self._run and len(self._doubles) < MAX_RUNS:
@@ -120,22 +121,22 @@ class Presence:
             return
         match token:
             case BusToken():
-                run.token = token
+                run.token = run.token or token
                 if run.groups.sees(self._groups):
                     self._add_run(run)
                 else:
                     self._refuse(run, "its --see does not name the group of this bus (--group)")
             case NodeToken(_, _, node):
-                is_new = node.key not in run.nodes
-                run.nodes[node.key] = node
-                self._node_bus[node.key] = run
-                if is_new and run.is_told:
-                    self._announce_node(run, node)
+                if node.key not in run.nodes:
+                    run.nodes[node.key] = node
+                    self._node_bus[node.key] = run
+                    if run.is_told:
+                        self._announce_node(run, node)
             case EndpointToken(_, _, endpoint):
-                is_new = key not in run.endpoints
-                run.endpoints[key] = endpoint
-                if is_new and run.is_told and endpoint.node in run.nodes:
-                    self._far.endpoint_added(endpoint)
+                if (endpoint.gid, endpoint.node) not in run.endpoints:
+                    run.endpoints[endpoint.gid, endpoint.node] = endpoint
+                    if run.is_told and endpoint.node in run.nodes:
+                        self._far.endpoint_added(endpoint)
             case InterestToken(_, _, of, gid):
                 if of == self._own and key not in run.interests:
                     run.interests[key] = gid
@@ -156,18 +157,21 @@ class Presence:
             return
         match token:
             case BusToken():
-                run.token = None
-                run.refusal = ""
-                self._remove_run(run, "its bridge has gone, or can't be reached")
+                if run.token is None or run.token == token:
+                    run.token = None
+                    run.refusal = ""
+                    self._remove_run(run, "its bridge has gone, or can't be reached")
             case NodeToken(_, _, node):
-                if run.nodes.pop(node.key, None) is not None:
+                if run.nodes.get(node.key) == node:
+                    del run.nodes[node.key]
                     self._node_bus.pop(node.key, None)
                     if run.is_told:
                         self._far.node_removed(node.key)
             case EndpointToken(_, _, endpoint):
-                gone = run.endpoints.pop(key, None)
-                if gone is not None and run.is_told and gone.node in run.nodes:
-                    self._far.endpoint_removed(endpoint.gid, endpoint.node)
+                if run.endpoints.get((endpoint.gid, endpoint.node)) == endpoint:
+                    del run.endpoints[endpoint.gid, endpoint.node]
+                    if run.is_told and endpoint.node in run.nodes:
+                        self._far.endpoint_removed(endpoint.gid, endpoint.node)
             case InterestToken(_, _, _, gid):
                 if run.interests.pop(key, None) is not None:
                     self._lose_interest(run, gid)

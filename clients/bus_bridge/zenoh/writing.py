@@ -91,7 +91,9 @@ class ZenohWriter:
         """Parts of written messages that wait for room."""
         self._is_held = False
         """Whether the caller keeps further messages, because there was no room for them."""
-        self._interests: frozenset[Interest] = frozenset()
+        self._importers: frozenset[str] = frozenset()
+        """Runs of the bridges that take its messages. Two buses with the same run (one of them is
+        a stranger) are one importer."""
         self._outlet: Outlet | None = None
         self._lost: dict[str, int] = {}
         self._behind: set[str] = set()
@@ -103,7 +105,7 @@ class ZenohWriter:
     def is_wanted(self) -> bool:
         if self._history is not None:
             return True  # late joiners need the kept messages
-        return bool(self._interests) and self._outlet is not None and self._outlet.put is not None
+        return bool(self._importers) and self._outlet is not None and self._outlet.put is not None
 
     @property
     def lost(self) -> dict[str, int]:
@@ -112,7 +114,7 @@ class ZenohWriter:
     def write(self, batch: Batch) -> int:
         """As `Writer.write`. Drops messages of a best-effort publisher that are too fast for the link."""
         count = gone = batch.count
-        if self._interests:
+        if self._importers:
             if batch.__class__ is Packed:  # the usual case: one part
                 gone = 0 if self._rest or self._window.room <= 0 else count
             else:
@@ -136,10 +138,10 @@ class ZenohWriter:
         if self.state is not WriterState.OPEN:
             return
         self.on(WriterEvent.LEAVE)
-        if not self._interests or not self._number:
+        if not self._importers or not self._number:
             self.end()
             return
-        self._behind = {one.run for one in self._interests}
+        self._behind = set(self._importers)
         self._probe()
         self._wait()
 
@@ -186,20 +188,21 @@ class ZenohWriter:
 
     def see_interests(self, interests: frozenset[Interest]) -> None:
         """Handle a change of the buses that take its messages."""
-        for one in interests - self._interests:
-            self._window.join(one.run)
+        importers = frozenset(one.run for one in interests)
+        for one in importers - self._importers:
+            self._window.join(one)
             if self._history is not None:
-                self._kept_until[one.run] = self._history.last
-        for one in self._interests - interests:
-            self._window.leave(one.run)
-            self._kept_until.pop(one.run, None)
-        was_wanted, self._interests = self.is_wanted, interests
-        if not interests:
+                self._kept_until[one] = self._history.last
+        for one in self._importers - importers:
+            self._window.leave(one)
+            self._kept_until.pop(one, None)
+        was_wanted, self._importers = self.is_wanted, importers
+        if not importers:
             self._rest.clear()
             self._number = self._window.last
         elif self._outlet is None and self.state is not WriterState.CLOSED:
             self._make_outlet()
-        self._behind &= {one.run for one in interests}
+        self._behind &= importers
         self._go_on()
         if self.state is WriterState.LEAVING:
             self._end_if_arrived()

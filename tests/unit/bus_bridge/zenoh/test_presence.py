@@ -191,7 +191,7 @@ def test_what_is_wrong_with_one_run_is_held_against_no_other(heard: Heard) -> No
         heard.presence.came(key)
     heard.presence.refuse("robot", "it shows too much", "2")
     heard.presence.refuse("robot", "it shows too much", "4")
-    assert heard.take() == []
+    assert [one[0] for one in heard.take()] == ["warning", "warning"]
     assert [bool(refusal) for _, _, refusal in heard.presence.buses()] == [False, True]
 
 
@@ -204,14 +204,51 @@ def test_what_is_left_of_an_earlier_run_is_not_heard(heard: Heard) -> None:
     assert [one[0] for one in heard.take()] == ["no bus", "bus", "node", "subscription", "publisher"]
 
 
-def test_who_lies_is_not_heard_until_its_bridge_comes_back(heard: Heard) -> None:
+def test_a_token_that_cannot_be_read_is_ignored_alone(heard: Heard) -> None:
+    """Any bridge can write it, with the run of another one."""
     for key in tokens().values():
         heard.presence.came(key)
     heard.take()
-    heard.presence.came("@busd/3/robot/N/1/5/bad%00name/%2F/,")
-    ((what, bus, reason),) = heard.take()
-    assert (what, bus) == ("no bus", "robot") and "can't be printed" in str(reason)
-    assert heard.presence.buses() == [("robot", "f00", reason)]
+    bad = "@busd/3/robot/N/1/5/bad%00name/%2F/,"
+    heard.presence.came(bad)
+    heard.presence.came("@busd/3/robot/N/7/5/bad%00name/%2F/,")  # a run that is not there
+    heard.presence.went(bad)
+    text = f"a token of bus 'robot' is ignored: its token {bad} has a character that can't be printed"
+    assert heard.take() == [("warning", text)]
+    assert heard.presence.buses() == [("robot", "f00", "")]
+
+
+def test_tokens_of_strangers_replace_and_remove_nothing_of_a_bus_that_is_there(heard: Heard) -> None:
+    known, node = tokens(), LocalNode(4, "other", "/", ())
+    for key in known.values():
+        heard.presence.came(key)
+    heard.take()
+    forged = [keys.bus_token("robot", "1", "f66"), keys.node_token("robot", "1", node)]
+    for kind in ("publisher", "subscription"):
+        gid = GID[:15] + kind[:1].encode()
+        end = LocalEndpoint(kind, gid, node, "/b", "p/msg/T", "h", QoSProfile(1))  # type: ignore[arg-type]
+        forged.append(keys.endpoint_token("robot", "1", end))
+    for key in forged:
+        heard.presence.came(key)
+    heard.presence.came(keys.bus_token("robot", "2", "f67"))
+    heard.presence.poll({"f00": "", "f66": "", "f67": ""})
+    heard.presence.poll({"f00": "", "f67": ""})
+    for key in forged:
+        heard.presence.went(key)
+    assert heard.take() == [] and heard.presence.buses() == [("robot", "f00", ""), ("robot", "f67", "")]
+    assert heard.presence.bus_of("robot/1/4") == "robot"
+    heard.presence.went(known["publisher"])
+    heard.presence.went(known["node"])
+    assert [one[0] for one in heard.take()] == ["no endpoint", "no node"]
+
+
+def test_a_refused_bus_is_not_heard_until_its_bridge_comes_back(heard: Heard) -> None:
+    for key in tokens().values():
+        heard.presence.came(key)
+    heard.take()
+    heard.presence.refuse("robot", "too many types")
+    assert heard.take() == [("no bus", "robot", "too many types")]
+    assert heard.presence.buses() == [("robot", "f00", "too many types")]
     for key in tokens().values():
         heard.presence.came(key)
     assert heard.take() == []

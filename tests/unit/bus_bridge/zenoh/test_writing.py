@@ -25,6 +25,7 @@ from transitions import paths
 
 RUN = "run"
 HERE = frozenset((Interest("far", RUN),))
+LOSSLESS = QoSProfile(history="keep_all")
 BEST_EFFORT = QoSProfile(10, reliability="best_effort")
 
 
@@ -300,4 +301,18 @@ async def test_a_late_joiner_gets_messages_as_kept_ones_only_up_to_its_arrival()
     scene.writer.see_interests(HERE)
     scene.writer.see_interests(HERE | {late})
     assert scene.kept(0, "late") == [1, 2, 3]
+    scene.writer.end()
+
+
+async def test_another_bus_with_the_run_of_an_importer_changes_nothing_for_it() -> None:
+    scene = Scene(LOSSLESS)
+    scene.write(b"x")
+    stranger = Interest("stranger", RUN)
+    scene.writer.see_interests(HERE | {stranger})
+    assert scene.writer._window.find(RUN, 0) is not None
+    scene.writer.see_interests(HERE)
+    assert scene.writer._window.find(RUN, 0) is not None
+    scene.writer.see_interests(frozenset((stranger,)))
+    scene.writer.see_interests(frozenset())
+    assert scene.writer._window.find(RUN, 0) is None
     scene.writer.end()
