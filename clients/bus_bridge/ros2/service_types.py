@@ -84,7 +84,7 @@ class ServiceTypes:
     def find(type_name: str) -> "ServiceTypes":
         """The types of a service of ROS 2, by its definition. Raises BridgeError if there is none."""
         try:
-            if not exists(type_name):
+            if not exists(f"{type_name}_Request"):  # a message's name would take long to fail
                 raise ConfigurationError(f"unknown interface '{type_name}'")
             found: Any = service_class(type_name)
             support = service_support(found)

@@ -100,3 +100,14 @@ def test_types_that_are_none_of_a_service() -> None:
     other = ServiceTypes.find(SetBool.__type_name__)
     with pytest.raises(BridgeError, match="are not of one service"):
         ServiceTypes.of(add().requests, other.replies)
+
+
+@for_each(
+    ("name",),
+    [("std_msgs/msg/String",), ("std_srvs/srv/Trigger_Request",), ("example_interfaces/action/Fibonacci",)],
+)
+def test_the_name_of_another_kind_fails_without_a_search_for_similar_names(name: str) -> None:
+    """A far side may give a thousand services such types, and each search takes 20 ms."""
+    with pytest.raises(BridgeError) as caught:
+        ServiceTypes.find(name)
+    assert str(caught.value) == f"{name}: unknown interface '{name}'"
