@@ -9,6 +9,8 @@ from bus.vocabulary import DropReason
 
 __all__ = ["Arrived", "Early"]
 
+_MOST_HANDLES = 10_000
+"""A limit for forged writers, of which each has few messages. It is far above a bridge's own limit."""
 _MOST_MESSAGES = 1 << 20
 """A limit for short messages: each takes about 150 bytes besides its CDR."""
 
@@ -29,7 +31,8 @@ class Early(Generic[K, V]):
     """Messages by handle of their writer, or by its GUID.
 
     At most `depth` messages of each writer (None: no limit), and at most `max_bytes` and a million messages
-    of all writers. Above that, a new message replaces the oldest one of the same writer.
+    of all writers. Above that, a new message replaces the oldest one of the same writer. Of 10,000 writers,
+    the messages of the earliest one make room for a new one's.
     """
 
     def __init__(self, depth: int | None, max_bytes: int) -> None:
@@ -51,6 +54,8 @@ class Early(Generic[K, V]):
         kept = self._by_handle.get(handle)
         is_first = kept is None
         if kept is None:
+            if len(self._by_handle) >= _MOST_HANDLES:
+                self.pop(next(iter(self._by_handle)))
             kept = self._by_handle[handle] = _Kept()
         messages, size = kept.messages, len(one[0])
         messages.append(one)

@@ -79,3 +79,14 @@ def test_all_of_it_may_be_forgotten() -> None:
     early.put(OF_ONE, (b"x", 1))
     early.clear()
     assert [*early] == [] and early.put(OF_ONE, (b"y", 1)) and data(early, OF_ONE) == [b"y"]
+
+
+def test_the_number_of_writers_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(early_module, "_MOST_HANDLES", 3)
+    early: Early[int, Arrived] = Early(None, 10)
+    for handle in range(8):  # some of them have no room for a message
+        early.put(handle, (b"1234", 1))
+    assert [*early] == [5, 6, 7]
+    assert [data(early, handle) for handle in range(4, 8)] == [[], [], [b"1234"], [b"1234"]]
+    early.put(8, (b"1234567890", 1))  # all of its room is free again
+    assert len(early) == 1
