@@ -24,7 +24,7 @@ __all__ = ["Intake", "Intakes", "RosReader"]
 
 _SOURCE_BYTES: Final = 64 << 20
 _PUT_BYTES: Final = 256
-"""The cost of a message besides its payload."""
+"""The cost of a message besides its payload and its attachment."""
 _EARLY_BYTES: Final = 16 << 20
 _EARLY_S: Final = 5.0
 """The time after the begin of an intake, or the announcement of a publisher, in which messages wait for their
@@ -143,7 +143,7 @@ class Intake:
         push = self._source.push
         return self._intakes.session.hear(
             self._key,
-            lambda payload, head: push((payload, head), len(payload) + _PUT_BYTES),
+            lambda payload, head: push((payload, head), len(payload) + len(head) + _PUT_BYTES),
             with_history=self._with_history,
         )
 

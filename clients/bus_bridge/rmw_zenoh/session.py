@@ -26,7 +26,7 @@ _LOOPBACK: Final = "tcp/localhost:0"
 _MOST_BYTES: Final = 64 << 20
 """The largest message that is accepted, in all its fragments."""
 _QUESTION_BYTES: Final = 2048
-"""The cost of a request besides its payload."""
+"""The cost of a request besides its payload and its attachment."""
 _FOREVER_S: Final = 10.0 * 365 * 86_400
 """ROS 2's clients wait as long as they want; the end of a server ends its calls."""
 
@@ -288,7 +288,8 @@ class RosSession(Session):
 
         def see(query: Any) -> None:
             payload = b"" if query.payload is None else query.payload.to_bytes()
-            source.push(Question(query, payload, _bytes_of(query.attachment)), len(payload) + _QUESTION_BYTES)
+            question = Question(query, payload, _bytes_of(query.attachment))
+            source.push(question, len(payload) + len(question.attachment) + _QUESTION_BYTES)
 
         return Declared(
             self,

@@ -42,8 +42,10 @@ class Source:
     ) -> None:
         self._take, self.lose, self._after = take, lose, after
         self.is_closed = False
+        self.sizes: list[int] = []
 
     def push(self, thing: Any, size: int) -> None:
+        self.sizes.append(size)
         self._take(thing)
         self._after()
 
@@ -180,6 +182,12 @@ async def test_false_messages_are_counted_or_named(world: World) -> None:
     assert world.warnings == [
         f"messages on '{KEY}' are dropped: they have no attachment of ROS 2's rmw_zenoh"
     ]
+
+
+async def test_a_long_attachment_counts_for_the_room_of_messages_that_wait(world: World) -> None:
+    world.read()
+    world.session.come(ONE, 1, "a", head=bytes(1 << 20))
+    assert world.session.sources[0].sizes[0] > 1 << 20
 
 
 async def test_a_false_number_silences_no_publisher(world: World) -> None:

@@ -3,6 +3,7 @@
 import asyncio
 import threading
 from collections.abc import AsyncIterator
+from typing import Any
 
 import pytest
 
@@ -55,6 +56,27 @@ async def test_late_joiners_get_what_is_kept(sessions: tuple[RosSession, RosSess
     await until(lambda: heard == [b"3", b"4"])
     outlet.put(b"5", b"head")
     await until(lambda: heard == [b"3", b"4", b"5"])
+
+
+async def test_a_long_attachment_counts_for_the_room_of_requests_that_wait(
+    sessions: tuple[RosSession, RosSession],
+) -> None:
+    one, other = sessions
+    sizes: list[int] = []
+
+    class Source:
+        def push(self, question: Question, size: int) -> None:
+            sizes.append(size)
+            question.drop()
+
+    source: Any = Source()
+    one.serve(KEY, source)
+    asking = Asking(other, KEY)
+    await until(lambda: asking.is_matched)
+    ends: list[int] = []
+    asking.ask(b"ask", bytes(100_000), lambda *answer: None, lambda: ends.append(1))
+    await until(lambda: ends)
+    assert len(sizes) == 1 and sizes[0] > 100_000
 
 
 async def test_a_question_is_answered_or_ends(sessions: tuple[RosSession, RosSession]) -> None:
