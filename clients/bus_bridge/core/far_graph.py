@@ -32,6 +32,8 @@ class MirroredNode(msgspec.Struct, frozen=True):
     """The bus of the bridge that shows it."""
     via: tuple[str, ...]
     """The buses that it came through before, starting with its own; empty if it lives on `bus`."""
+    announcer: str
+    """As in FarNode."""
 
     @property
     def identity(self) -> tuple[object, ...]:
@@ -194,7 +196,9 @@ class FarGraph:
         self._nodes[node.key] = announcer
         if self._own_bus not in (node.bus, *node.via):
             namespace = self._naming.namespace_from_wire(node.namespace)
-            mirrored = MirroredNode(node.key, node.name, namespace or node.namespace, node.bus, node.via)
+            mirrored = MirroredNode(
+                node.key, node.name, namespace or node.namespace, node.bus, node.via, node.announcer
+            )
             self._known_nodes[node.key] = mirrored
             if namespace is not None:
                 self.nodes[node.key] = mirrored

@@ -8,6 +8,7 @@ import asyncio
 from collections.abc import Awaitable, Callable, Iterable, Iterator
 from enum import IntEnum
 from typing import Any, TypeVar
+from weakref import WeakValueDictionary
 
 import msgspec
 
@@ -125,7 +126,8 @@ class Mirrors:
         self._endpoints: dict[bytes, EndpointMirror] = {}
         self._leaving: dict[bytes, asyncio.Task[None]] = {}
         """Tasks for publishers that have gone but have waiting messages."""
-        self._lateness: dict[str, Lateness] = {}
+        self._lateness: WeakValueDictionary[tuple[str, str], Lateness] = WeakValueDictionary()
+        """By bus and announcer: the programs of a domain of ROS 2 may have different clocks."""
         self._pasts = Pasts()
         self._stays = Stays()
         self._is_due = asyncio.Event()
@@ -153,7 +155,8 @@ class Mirrors:
     def bus_removed(self, bus: str) -> None:
         """Handle the end of the link to a bus. Call this before `look`."""
         self._stays.bus_removed(bus, self._loop.time())
-        self._lateness.pop(bus, None)
+        for key in [key for key in self._lateness if key[0] == bus]:
+            self._lateness.pop(key, None)
 
     async def run(self) -> None:
         """Make and close mirrors until cancelled. Call `close` afterwards."""
@@ -362,7 +365,8 @@ class Mirrors:
             if mirror.way is not None and mirror.way.is_broken:
                 self.notify()
 
-        lateness = self._lateness.setdefault(mirror.node.far.bus, Lateness())
+        from_node = mirror.node.far
+        lateness = self._lateness.setdefault((from_node.bus, from_node.announcer), Lateness())
         past = self._pasts.take(far.far.gid, self._loop.time())
         mirror.publisher = publisher
         mirror.way = Import(

@@ -38,9 +38,9 @@ class World:
             Mock(), self.far, exports, Mock(), lambda *_: node, Mock(return_value=False), Mock()
         )
 
-    def add(self, kind: EndpointKind, topic: str) -> None:
+    def add(self, kind: EndpointKind, topic: str, node: str = NODE) -> None:
         gid = len(self.far.endpoints).to_bytes(16, "big")
-        endpoint = FarEndpoint(kind, gid, NODE, topic, "std_msgs/msg/String", "h", QoSProfile(10))
+        endpoint = FarEndpoint(kind, gid, node, topic, "std_msgs/msg/String", "h", QoSProfile(10))
         assert self.far.endpoint_added(endpoint, 0.0) is None
         self.mirrors.notify()
 
@@ -77,6 +77,24 @@ async def test_the_order_of_the_ends_of_a_service(
     world.is_free.set()
     await until(lambda: len(world.made) == 3)
     assert world.made == ["/slow", *(topic for _, topic in endpoints)]
+    task.cancel()
+    await asyncio.gather(task, return_exceptions=True)
+    await world.mirrors.close()
+
+
+async def test_the_clock_of_one_program_says_nothing_about_those_of_other_programs() -> None:
+    """A domain of ROS 2 is one bus, with programs on several machines."""
+    world = World()
+    for node, announcer in (("1", "one"), ("2", "one"), ("3", "other")):
+        world.far.node_added(FarNode(node, "there", f"node{node}", "/", announcer=announcer), 0.0)
+        world.add("publisher", f"/topic{node}", node)
+    task = asyncio.create_task(world.mirrors.run())
+    await until(lambda: len(world.made) == 3)
+    ways = {one.far.topic: one.way for one in world.mirrors if one.way is not None}
+    clocks = [way._lateness for _, way in sorted(ways.items())]
+    assert clocks[0] is clocks[1] is not clocks[2]
+    world.mirrors.bus_removed("there")
+    assert not world.mirrors._lateness
     task.cancel()
     await asyncio.gather(task, return_exceptions=True)
     await world.mirrors.close()
