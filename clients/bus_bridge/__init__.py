@@ -6,6 +6,7 @@
 A bridge is a client of the bus and runs in a separate process. `program.py` runs a bridge. `options.py` and
 `config.py` have its settings, `labels.py` the rule for names in them, and `extras.py` the packages that an
 engine needs. `reloading.py` applies new rules at SIGHUP. Messages travel in batches: `batch.py`, `packed.py`.
+`checks.py` checks announced nodes and endpoints.
 
 Invariants:
 

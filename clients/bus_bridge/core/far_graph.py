@@ -11,7 +11,8 @@ from typing import Final, NamedTuple
 import msgspec
 
 from bus.qos import QoSProfile
-from bus_bridge.core.bounds import Bounds, News, wrong_bus, wrong_endpoint, wrong_node
+from bus_bridge.checks import wrong_bus, wrong_endpoint, wrong_node
+from bus_bridge.core.bounds import Bounds, News
 from bus_bridge.core.naming import Naming
 from bus_bridge.core.rules import Rules
 from bus_bridge.engine import FarBus, FarEndpoint, FarNode, RouteRule

@@ -36,6 +36,7 @@ __all__ = [
     "InterestToken",
     "NodeToken",
     "OtherVersion",
+    "Token",
     "ack_key",
     "ack_keys",
     "bus_token",

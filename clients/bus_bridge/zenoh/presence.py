@@ -12,6 +12,7 @@ run.
 from collections.abc import Callable, Iterable, Mapping
 from typing import NamedTuple
 
+from bus_bridge.checks import wrong_endpoint, wrong_node
 from bus_bridge.engine import FarBus, FarEndpoint, FarNode, FarSide
 from bus_bridge.zenoh.groups import own_part, read_run
 from bus_bridge.zenoh.keys import (
@@ -22,6 +23,7 @@ from bus_bridge.zenoh.keys import (
     InterestToken,
     NodeToken,
     OtherVersion,
+    Token,
     parse_token,
 )
 
@@ -89,7 +91,7 @@ class Presence:
 
     def came(self, key: str) -> None:
         """Handle a token that has come."""
-        token = parse_token(key)
+        token = _checked(parse_token(key))
         match token:
             case OtherVersion(bus, version):
                 self._far.warn(
@@ -315,3 +317,13 @@ class Presence:
         first."""
         for endpoint in sorted(endpoints, key=lambda one: one.kind == "publisher"):
             self._far.endpoint_added(endpoint)
+
+
+def _checked(token: Token) -> Token:
+    """The same token, or Broken if the bridge would refuse its bus for it: a stranger may have written it."""
+    match token:
+        case NodeToken(bus, run, node) if wrong := wrong_node(node):
+            return Broken(bus, run, wrong)
+        case EndpointToken(bus, run, endpoint) if wrong := wrong_endpoint(endpoint):
+            return Broken(bus, run, wrong)
+    return token

@@ -218,6 +218,28 @@ def test_a_token_that_cannot_be_read_is_ignored_alone(heard: Heard) -> None:
     assert heard.presence.buses() == [("robot", "f00", "")]
 
 
+@for_each(
+    ("node", "topic", "reason"),
+    [
+        (LocalNode(5, "bad name", "/"), "", "an invalid node name"),
+        (LocalNode(5, "node", "bad"), "", "an invalid node name"),
+        (LocalNode(5, "node", "/", ("x" * 300,)), "", "the id of a bus that a node came through"),
+        (NODE, "/bad name", "an invalid topic name"),
+    ],
+)
+def test_a_token_with_false_names_is_ignored_alone(node: LocalNode, topic: str, reason: str) -> None:
+    heard = Heard()
+    for key in tokens().values():
+        heard.presence.came(key)
+    heard.take()
+    end = LocalEndpoint("publisher", bytes(16), node, topic, "p/msg/T", "h", QoSProfile(1))
+    key = keys.endpoint_token("robot", "1", end) if topic else keys.node_token("robot", "1", node)
+    heard.presence.came(key)
+    heard.presence.went(key)
+    ((what, text),) = heard.take()
+    assert what == "warning" and str(text).startswith(f"a token of bus 'robot' is ignored: {reason}")
+
+
 def test_tokens_of_strangers_replace_and_remove_nothing_of_a_bus_that_is_there(heard: Heard) -> None:
     known, node = tokens(), LocalNode(4, "other", "/", ())
     for key in known.values():
