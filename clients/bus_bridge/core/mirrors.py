@@ -5,6 +5,7 @@ each change. So there is no queue of changes, however many come.
 """
 
 import asyncio
+from collections import defaultdict
 from collections.abc import Awaitable, Callable, Iterable, Iterator
 from enum import IntEnum
 from typing import Any, TypeVar
@@ -204,7 +205,7 @@ class Mirrors:
             del left[:_AT_ONCE]
 
     def _is_gone(self, node: NodeMirror) -> bool:
-        return self._far.nodes.get(node.far.key) is not node.far
+        return self._far.nodes.get(node.far.key) != node.far
 
     def _is_to_go(self, mirror: EndpointMirror) -> bool:
         if mirror.is_leaving:
@@ -228,13 +229,15 @@ class Mirrors:
 
     def _take_over_nodes(self) -> None:
         """Let remaining mirrors stand for the nodes that a returned bridge shows now."""
-        lost = {one.far.identity: key for key, one in self._nodes.items() if self._is_gone(one)}
-        if not lost:
-            return
-        for key, far in tuple(self._far.nodes.items()):
-            known = self._nodes.get(key)
-            if (known is None or known.far is not far) and far.identity in lost:
-                mirror = self._nodes.pop(lost.pop(far.identity))
+        gone: defaultdict[tuple[object, ...], list[NodeMirror]] = defaultdict(list)
+        for one in self._nodes.values():
+            if self._is_gone(one):
+                gone[one.far.identity].append(one)
+        # The first of several nodes with one name takes over the first mirror.
+        for key, far in self._far.nodes.items() if gone else ():
+            if key not in self._nodes and gone[far.identity]:
+                mirror = gone[far.identity].pop(0)
+                del self._nodes[mirror.far.key]
                 mirror.far = far
                 mirror.retry.hurry()
                 self._nodes[key] = mirror
@@ -244,10 +247,13 @@ class Mirrors:
             far = self._far.endpoints.get(gid)
             if far is None or far is mirror.far or mirror.is_leaving or mirror.way is None:
                 continue
+            # Of several nodes with one name, another one may have taken over the mirror's node.
+            node = mirror.node
             is_same = (
                 (far.topic, far.qos, far.rule) == (mirror.far.topic, mirror.far.qos, mirror.far.rule)
                 and msgspec.structs.replace(far.far, node=mirror.far.far.node) == mirror.far.far
-                and self._nodes.get(far.node.key) is mirror.node
+                and far.node.identity == node.far.identity
+                and not self._is_gone(node)
             )
             if is_same:
                 mirror.far, mirror.gone_s = far, 0.0

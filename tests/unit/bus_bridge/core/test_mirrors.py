@@ -1,4 +1,4 @@
-"""The order in which mirrors are made."""
+"""The order in which mirrors are made, and mirrors that stay while the link is away."""
 
 import asyncio
 from typing import Any
@@ -7,7 +7,7 @@ from unittest.mock import AsyncMock, Mock
 import pytest
 
 from bus.names import reply_topic, request_topic
-from bus.qos import QoSProfile
+from bus.qos import Durability, QoSProfile
 from bus_bridge.core.bounds import Bounds
 from bus_bridge.core.far_graph import FarGraph
 from bus_bridge.core.mirrors import Mirrors
@@ -98,3 +98,78 @@ async def test_the_clock_of_one_program_says_nothing_about_those_of_other_progra
     task.cancel()
     await asyncio.gather(task, return_exceptions=True)
     await world.mirrors.close()
+
+
+class Twins:
+    """Mirrors of two far nodes of one name, each with a transient local publisher."""
+
+    def __init__(self) -> None:
+        self.far = FarGraph("here", Bounds(), Rules(), Naming(""))
+        self.nodes: list[Any] = []
+        self.publishers: list[Any] = []
+        self.mirrors = Mirrors(
+            Mock(), self.far, Mock(), Mock(), self._make_node, Mock(return_value=False), Mock()
+        )
+
+    def come(self, *keys: str) -> None:
+        """The publishers come with the link. They belong to nodes with these keys."""
+        self.far.bus_added(FarBus("there"), 0.0)
+        for key in sorted(keys):
+            self.far.node_added(FarNode(key, "there", "node", "/"), 0.0)
+        for number, key in enumerate(keys):
+            qos = QoSProfile(1, durability=Durability.TRANSIENT_LOCAL)
+            gid = number.to_bytes(16, "big")
+            endpoint = FarEndpoint("publisher", gid, key, "/map", "std_msgs/msg/String", "h", qos)
+            assert self.far.endpoint_added(endpoint, 0.0) is None
+        self.mirrors.bus_added("there")
+        self.mirrors.notify()
+
+    def lose(self) -> None:
+        """The link ends."""
+        self.far.bus_removed("there")
+        self.mirrors.bus_removed("there")
+        self.mirrors.notify()
+
+    def is_settled(self) -> bool:
+        """Whether the mirrors are the far graph's."""
+        mirrored = {id(mirror.far) for mirror in self.mirrors if mirror.is_open}
+        return mirrored == set(map(id, self.far.endpoints.values()))
+
+    def _make_node(self, *_: Any) -> Any:
+        node = Mock(open=AsyncMock(), close=AsyncMock(), create_publisher=self._create_publisher)
+        self.nodes.append(node)
+        return node
+
+    async def _create_publisher(self, *_: Any, **__: Any) -> Any:
+        self.publishers.append(Mock(matches=(), close=AsyncMock()))
+        return self.publishers[-1]
+
+
+@pytest.mark.parametrize(
+    "returns",
+    [
+        pytest.param((("1", "2"), ("1", "2")), id="the same keys"),
+        pytest.param((("3", "4"), ("5", "6")), id="other keys"),
+        pytest.param((("4", "3"), ("6", "5")), id="other keys in another order"),
+        pytest.param((("2", "3"), ("3", "4")), id="a key of the other node"),
+    ],
+)
+async def test_two_nodes_of_one_name_stay_while_the_link_is_away(
+    returns: tuple[tuple[str, str], ...],
+) -> None:
+    """So their publishers repeat no history, and no node stays open without an original."""
+    world = Twins()
+    task = asyncio.create_task(world.mirrors.run())
+    world.come("1", "2")
+    await until(world.is_settled)
+    for keys in returns:
+        world.lose()
+        await asyncio.sleep(0)
+        world.come(*keys)
+        await until(world.is_settled)
+    assert world.mirrors.counts == (2, 2, 0)
+    assert (len(world.nodes), len(world.publishers)) == (2, 2)
+    task.cancel()
+    await asyncio.gather(task, return_exceptions=True)
+    await world.mirrors.close()
+    assert all(node.close.await_count == 1 for node in world.nodes)
