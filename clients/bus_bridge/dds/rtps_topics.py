@@ -5,7 +5,8 @@ serves if cyclonedds is not installed, as on machines for which it has no packag
 
 RTPS numbers every message. So each message of a far writer is passed on once, by the strongest of the readers
 that are matched with it. If another reader takes over, it continues after the last number. A new one takes
-over once the writer knows it, and its messages follow directly on those of the present one.
+over once the writer knows it, and its messages follow directly on those of the present one. A retired reader
+stays until then.
 """
 
 import asyncio
@@ -50,6 +51,8 @@ _KEPT_BYTES: Final = 64 << 20
 _LOSSLESS: Final = 10_000
 """Messages of a lossless publisher that far readers have not acknowledged. Above that, it waits."""
 _LOOK_S: Final = 0.005
+_HANDOVER_S: Final = 1.0
+"""The longest time for which a retired reader is still used. Far writers know a new one in milliseconds."""
 _EARLY_BYTES: Final = 8 << 20
 _EARLY_BYTES_OF_ALL: Final = 64 << 20
 """The limit for early messages of subscriptions with keep all."""
@@ -121,12 +124,8 @@ class RtpsCarrier:
 
     def retire_reader(self, reader: TopicReader) -> None:
         assert isinstance(reader, _Reader)
-        of_topic = self._readers[reader.topic]
-        of_topic.remove(reader)
-        if not of_topic:
-            del self._readers[reader.topic]
-        reader.close()
-        self.choose(reader.topic)
+        reader.is_retiring = True
+        self._retire(reader, self._loop.time() + _HANDOVER_S)
 
     def read(
         self,
@@ -138,8 +137,9 @@ class RtpsCarrier:
         restores: bool,
     ) -> Reader:
         gid = endpoint.gid
-        if restores:
+        if restores:  # a retiring reader does not get them again
             self._last.pop(gid, None)
+            self._carrying.pop(gid, None)
         route = _Route(self, gid, known, on_batch)
         route.last = self._last.get(gid, 0)
         self._routes[gid] = route
@@ -174,10 +174,10 @@ class RtpsCarrier:
     def choose(self, topic: str) -> None:
         """Choose the reader that carries the messages of each far writer of a topic.
 
-        The present one stays: the writer may not know a new one yet. See `_takes_over`.
+        The present one stays, even if it retires: the writer may not know a new one yet. See `_takes_over`.
         """
         matched: defaultdict[bytes, list[_Reader]] = defaultdict(list)
-        for reader in sorted(self._readers.get(topic, ()), key=lambda one: qos.strength(one.policies)):
+        for reader in sorted(self._readers.get(topic, ()), key=lambda one: one.rank):
             for gid in reader.local.matched:
                 matched[gid].append(reader)
         for gid in [gid for gid, one in self._carrying.items() if one.topic == topic and gid not in matched]:
@@ -261,15 +261,43 @@ class RtpsCarrier:
         return self._last.get(gid, 0) if route is None else route.last
 
     def _takes_over(self, reader: "_Reader", one: Arrived) -> bool:
-        """Whether a reader carries the messages of a writer from this one on: it is stronger than the present
+        """Whether a reader carries the messages of a writer from this one on: it is preferred to the present
         one, and nothing is missing between them."""
         present = self._carrying.get(one.writer)
-        if present is None or not reader.is_stronger_than(present) or not reader.is_known_to(one.writer):
+        if present is None or not reader.rank > present.rank or reader.newest(one.writer) is None:
             return False
         if one.number > self._passed_on(one.writer) + 1:
             return False
         self._carrying[one.writer] = reader
         return True
+
+    def _retire(self, reader: "_Reader", end_s: float) -> None:
+        """End a reader once others have its writers, or at that time."""
+        if not self._hand_over(reader) and self._loop.time() < end_s:
+            self._loop.call_later(_LOOK_S, self._retire, reader, end_s)
+            return
+        of_topic = self._readers[reader.topic]
+        of_topic.remove(reader)
+        if not of_topic:
+            del self._readers[reader.topic]
+        reader.close()
+        self.choose(reader.topic)
+
+    def _hand_over(self, reader: "_Reader") -> bool:
+        """Give the writers of a retiring reader to readers that miss nothing. Returns False if a reader may
+        take over another one later."""
+        carried = [gid for gid in reader.local.matched if self._carrying.get(gid) is reader]
+        is_done = True
+        others = [(one, set(one.local.matched)) for one in self._readers[reader.topic] if not one.is_retiring]
+        for gid in carried:
+            passed_on = self._passed_on(gid)
+            heirs = [one for one, matched in others if gid in matched]
+            ready = [one for one in heirs if (last := one.newest(gid)) is not None and last <= passed_on]
+            if ready:
+                self._carrying[gid] = max(ready, key=lambda one: one.rank)
+            elif heirs:
+                is_done = False
+        return is_done
 
     def _changed(self) -> None:
         """Report the change after the endpoints were matched, once for many."""
@@ -355,6 +383,8 @@ class _Reader:
     ) -> None:
         self.topic = topic
         self.policies = policies
+        self.is_retiring = False
+        """Its subscription has gone. It carries messages until other readers have taken over its writers."""
         self.early: Early[bytes, _NumberedArrival] = (
             Early(None, _EARLY_BYTES_OF_ALL) if policies.keep_all else Early(known.depth, _EARLY_BYTES)
         )
@@ -372,13 +402,18 @@ class _Reader:
     def gid(self) -> bytes:
         return self.local.guid
 
+    @property
+    def rank(self) -> tuple[bool, tuple[bool, bool, bool, int]]:
+        """Sort key: the reader with the highest one carries a writer's messages."""
+        return not self.is_retiring, qos.strength(self.policies)
+
     def is_stronger_than(self, other: "_Reader") -> bool:
         return qos.strength(self.policies) > qos.strength(other.policies)
 
-    def is_known_to(self, gid: bytes) -> bool:
-        """Whether that writer sends to this reader, as far as can be known."""
+    def newest(self, gid: bytes) -> int | None:
+        """As of a Reader of RTPS."""
         reader = self.local.reader
-        return not self.policies.reliable or (reader is not None and reader.is_following(gid))
+        return None if reader is None else reader.newest(gid)
 
     def close(self) -> None:
         self.early.clear()

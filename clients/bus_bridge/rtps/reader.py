@@ -145,6 +145,17 @@ class Reader:
         far = self._writers.get(guid)
         return far is not None and far.state is not ReaderState.JOINING
 
+    def newest(self, guid: bytes) -> int | None:
+        """The last number that this writer has, as far as this reader knows.
+
+        None if the writer may not know the reader yet: it has sent no heartbeat, or, with best effort, no
+        sample.
+        """
+        far = self._writers.get(guid)
+        if far is None or (far.state is ReaderState.JOINING if far.reliable else not far.last):
+            return None
+        return far.last
+
     def add_writer(self, guid: bytes, room: Room, now_ns: int, *, reliable: bool = True) -> None:
         """Match a far writer. `room` is for its samples until they are delivered."""
         if guid in self._writers:

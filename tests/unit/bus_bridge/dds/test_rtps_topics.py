@@ -26,6 +26,7 @@ from bus_bridge.rtps.reach import Reach
 from bus_bridge.rtps.reader import Arrived
 from bus_bridge.rtps.writer import Keeping
 from rtps_world import GROUP, Network
+from semantics import until
 
 KNOWN = KnownType(MessageSchema.of(message_class("std_msgs/msg/String")))
 TOPIC, TYPE = "rt/chatter", type_to_dds(KNOWN.codec.type_name)
@@ -79,8 +80,8 @@ class World:
         self.network.run(3)
         self.heard: list[str] = []
 
-    def far_writer(self, policies: Policies) -> Local:
-        keeping = Keeping(1000, for_late_joiners=policies.transient_local)
+    def far_writer(self, policies: Policies, kept: int = 1000) -> Local:
+        keeping = Keeping(kept, for_late_joiners=policies.transient_local)
         now_ns = self.network.now_ns
         return self.far.participant.add_writer(TOPIC, TYPE, now_ns, policies=policies, keeping=keeping)
 
@@ -92,13 +93,13 @@ class World:
     def listen(self, policies: Policies) -> Any:
         return self.carrier.make_reader(ENDPOINT, KNOWN, policies)
 
-    def read(self, writer: Local) -> Any:
+    def read(self, writer: Local, *, restores: bool = False) -> Any:
         endpoint = FarEndpoint("publisher", writer.guid, "n", "/chatter", "", "", QoSProfile(10))
 
         def on_batch(batch: Batch) -> None:
             self.heard += [msgspec.msgpack.decode(one.payload)[0] for one in batch]
 
-        return self.carrier.read(endpoint, 0, KNOWN, on_batch, restores=False)
+        return self.carrier.read(endpoint, 0, KNOWN, on_batch, restores=restores)
 
 
 def batch(first: int, count: int) -> Batch:
@@ -182,3 +183,75 @@ async def test_a_reader_with_the_history_takes_over_if_nothing_was_passed_on(
     world.say(writer, "d")
     world.network.run(1)
     assert world.heard == ["a", "b", "c", "d"]
+
+
+RENEWED = [
+    (LATCHED, LATCHED),
+    (LATCHED._replace(depth=500), LATCHED),
+    (LATCHED, LATCHED._replace(depth=500)),
+    (RELIABLE, RELIABLE),
+    (RELIABLE._replace(reliable=False), RELIABLE._replace(reliable=False)),
+]
+
+
+@pytest.mark.parametrize(("former", "latter"), RENEWED)
+@pytest.mark.parametrize("has_other", [False, True])
+async def test_a_retired_reader_carries_messages_until_the_new_one_is_known(
+    monkeypatch: pytest.MonkeyPatch, former: Policies, latter: Policies, has_other: bool
+) -> None:
+    """The writer keeps one message, so the new reader can't get the earlier ones."""
+    world = World(monkeypatch)
+    writer = world.far_writer(former, kept=1)
+    readers = [world.listen(former) for _ in range(2 if has_other else 1)]
+    world.network.run(3)
+    world.read(writer)
+    texts = [f"{number}" for number in range(40)]
+    for text in texts[:20]:
+        world.say(writer, text)
+        world.network.run(0.01)
+    for reader in readers:
+        world.listen(latter)
+        world.carrier.retire_reader(reader)
+    for text in texts[20:]:
+        world.say(writer, text)
+        world.network.run(0.0005)
+    world.network.run(1)
+    assert world.heard == texts
+    await until(lambda: len(world.carrier._readers[TOPIC]) == len(readers))
+    world.say(writer, "last")
+    world.network.run(1)
+    assert world.heard == [*texts, "last"]
+
+
+async def test_the_history_comes_again_by_the_new_reader(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also while the retired one still carries the messages of other writers."""
+    world = World(monkeypatch)
+    writer = world.far_writer(LATCHED)
+    former = world.listen(LATCHED)
+    world.network.run(3)
+    route = world.read(writer)
+    for text in "ab":
+        world.say(writer, text)
+    world.network.run(1)
+    route.close()
+    world.listen(LATCHED)
+    world.carrier.retire_reader(former)
+    world.read(writer, restores=True)
+    world.say(writer, "c")
+    world.network.run(1)
+    assert world.heard == ["a", "b", "a", "b", "c"]
+
+
+async def test_a_retired_reader_does_not_wait_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rtps_topics, "_HANDOVER_S", 0.02)
+    world = World(monkeypatch)
+    writer = world.far_writer(LATCHED)
+    former = world.listen(LATCHED)
+    world.network.run(3)
+    world.read(writer)
+    world.far.is_cut = True
+    latter = world.listen(LATCHED)
+    world.carrier.retire_reader(former)
+    assert world.carrier._readers[TOPIC] == [former, latter]
+    await until(lambda: world.carrier._readers[TOPIC] == [latter])
+    assert [*world.carrier._carrying.values()] == [latter]

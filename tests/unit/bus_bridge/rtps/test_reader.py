@@ -97,13 +97,13 @@ def test_samples_in_order() -> None:
 def test_it_asks_for_a_heartbeat_until_one_comes() -> None:
     world = World()
     assert world.taken() == ["has <1"]
-    assert not world.reader.is_following(ONE)
+    assert not world.reader.is_following(ONE) and world.reader.newest(ONE) is None
     world.wait(11)
     assert world.raw_bases == [1, 0]  # the first word that the standard wants, and the one for Fast DDS
     world.wait(10_000)
     assert 10 < len(world.taken()) < 25
     world.heartbeat(1, 0)
-    assert world.reader.is_following(ONE)
+    assert world.reader.is_following(ONE) and world.reader.newest(ONE) == 0
     world.taken()
     world.wait(10_000)
     assert world.taken() == [] and world.reader.due_ns is None
