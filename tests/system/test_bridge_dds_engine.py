@@ -260,6 +260,41 @@ async def test_best_available_gets_what_each_publisher_keeps(bridge: Bridge, alo
     await until(lambda: bridge.heard[-1] == "last")
 
 
+async def test_history_that_comes_again_takes_no_message_from_other_publishers(
+    bridge: Bridge, alone: Alone
+) -> None:
+    """The readers are made again. The other publisher keeps one message, so a new reader gets no earlier
+    ones."""
+    bridge.listen("/map", LATCHED)
+    latched, other = alone.writer("/map", *_LATCHED), Alone()
+    say(latched, "kept")
+    try:
+        reader = await bridge.read("/map")
+        await until(lambda: bridge.heard == ["kept"])
+        busy = other.writer("/map", *_LATCHED)
+        await until(lambda: len(bridge.far.endpoints) == 2)
+        first, second = bridge.far.endpoints.values()
+        if first.gid != latched.guid.bytes:
+            first, second = second, first
+        bridge.engine.read(second, STRING, bridge.hear)
+        await until(lambda: busy.get_matched_subscriptions())
+        said = ["kept"]
+        for turn in range(5):
+            reader.close()
+            reader = bridge.engine.read(first, STRING, bridge.hear, restores=True)
+            said.append("kept")
+            for number in range(100):
+                said.append(f"{turn}-{number}")
+                say(busy, said[-1])
+                await asyncio.sleep(0)
+            await until(lambda: len(bridge.heard) >= len(said))
+        kept = [text for text in bridge.heard if text == "kept"]
+        assert len(kept) == 6
+        assert [text for text in bridge.heard if text != "kept"] == [text for text in said if text != "kept"]
+    finally:
+        other.close()
+
+
 @by_cyclonedds
 @pytest.mark.parametrize("durability", ["volatile", "transient_local"])
 async def test_another_reader_takes_over_without_loss(bridge: Bridge, alone: Alone, durability: str) -> None:

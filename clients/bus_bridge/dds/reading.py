@@ -324,8 +324,8 @@ class Ways:
         self._intakes.setdefault(intake.topic, []).append(intake)
 
     def retire(self, intake: Intake) -> None:
-        """Retire the reader of a subscription that has gone. It ends at once if it carries nothing that
-        another reader could carry."""
+        """Retire the reader of a subscription that has gone. It ends at once if it carries nothing, or if it
+        is the only reader of its topic."""
         if intake.state is IntakeState.RETIRING:
             return
         if intake.state is IntakeState.OPEN:
@@ -333,7 +333,8 @@ class Ways:
         self._intakes[intake.topic].remove(intake)
         if not self._intakes[intake.topic]:
             del self._intakes[intake.topic]
-        heirs = {heir for way in self._carried(intake) if (heir := self._best(way)) is not None}
+        # A new reader is an heir, too: it is matched soon.
+        heirs = set(self._intakes.get(intake.topic, ())) if self._carried(intake) else set()
         if not heirs:
             self._finish(intake, heirs)
             return

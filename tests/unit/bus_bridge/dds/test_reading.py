@@ -9,11 +9,14 @@ from typing import Any
 import pytest
 
 from bus_bridge.dds import raw
-from bus_bridge.dds.reading import TRANSITIONS, Intake, IntakeError, Ways
+from bus_bridge.dds.reading import TRANSITIONS, FarWay, Intake, IntakeError, Ways
 from bus_bridge.dds.reading import IntakeEvent as Event
 from bus_bridge.dds.reading import IntakeState as State
 from bus_bridge.rtps.policies import Policies
+from semantics import until
 from transitions import paths
+
+KNOWN: Any = SimpleNamespace(depth=10, idl=None, codec=SimpleNamespace(decode=bytes))
 
 
 class Endpoint:
@@ -21,9 +24,10 @@ class Endpoint:
 
     def __init__(self) -> None:
         self.closes = 0
+        self.matched: list[int] = []
 
     def matched_writers(self) -> list[int]:
-        return []
+        return self.matched
 
     def close(self) -> None:
         self.closes += 1
@@ -37,13 +41,18 @@ class Scene:
         self.endpoint = Endpoint()
         self.ways = Ways(lambda handle: False)
         monkeypatch.setattr(raw, "taker_of", lambda entity: self._take)
-        participant: Any = SimpleNamespace(make_reader=lambda *_: self.endpoint)
-        known: Any = SimpleNamespace(depth=10, idl=None)
-        self.intake = Intake(self.ways, participant, "/t", known, Policies(), b"")
-        self.ways.add(self.intake)
+        self.intake = self.make()
         for event in paths(TRANSITIONS, State.OPEN)[state]:
             self.do(event)
         assert self.intake.state is state
+
+    def make(self) -> Intake:
+        """Make a reader, on `endpoint`."""
+        endpoint = self.endpoint
+        participant: Any = SimpleNamespace(make_reader=lambda *_: endpoint)
+        intake = Intake(self.ways, participant, "/t", KNOWN, Policies(), b"")
+        self.ways.add(intake)
+        return intake
 
     def _take(self, most: int) -> list[object]:
         self.takes += 1
@@ -86,3 +95,20 @@ async def test_one_that_carries_nothing_ends_as_soon_as_it_retires(monkeypatch: 
     scene.intake.close()
     await asyncio.sleep(0)
     assert scene.endpoint.closes == 1 and scene.takes == 0
+
+
+async def test_one_that_retires_stays_until_a_new_one_is_matched(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The far writer does not know the new one yet."""
+    scene = Scene(State.OPEN, monkeypatch)
+    scene.endpoint.matched = [7]
+    scene.intake.update_matches()
+    way = FarWay(scene.ways, b"g" * 16, 7, "/t", KNOWN, lambda batch: None)
+    scene.ways.begin(way, restores=False)
+    scene.endpoint = Endpoint()
+    latter = scene.make()
+    scene.ways.retire(scene.intake)
+    assert scene.intake.state is State.RETIRING and way.carrier is scene.intake
+    scene.endpoint.matched = [7]
+    latter.update_matches()
+    await until(lambda: scene.intake.state is State.CLOSED)
+    assert way.carrier is latter
