@@ -33,6 +33,9 @@ HUMBLE_GID_SIZE: Final = 24
 """Size of gids up to Humble; the last eight bytes are zero."""
 _GUID_SIZE: Final = 16
 _MAX_TEXT: Final = 256
+_MAX_BYTES: Final = 1 << 20
+_MAX_NODES: Final = 4096
+"""The limits of one participant's list. Above them, decoding a hostile list would take many seconds."""
 _HEAD: Final = b"\0\1\0\0"
 
 
@@ -63,13 +66,19 @@ def encode(participant: bytes, nodes: Sequence[NodeEntities], gid_size: int = GI
 
 
 def decode(data: bytes, gid_size: int = GID_SIZE) -> tuple[bytes, list[NodeEntities]]:
-    """Decode the participant and its nodes. Raises ValueError for malformed data."""
+    """Decode the participant and its nodes. Raises ValueError for malformed data, and above the limits of
+    bytes and nodes."""
+    if len(data) > _MAX_BYTES:
+        raise ValueError(f"it has {len(data):,} bytes; the limit is {_MAX_BYTES:,}")
     if data[:2] not in (b"\0\0", b"\0\1"):
         raise ValueError(f"it begins with {data[:4].hex(' ')}")
     take = _Taker(data[4:], "<I" if data[1] else ">I")
     participant = take.bytes(gid_size)[:_GUID_SIZE]
+    count = take.count(16)
+    if count > _MAX_NODES:
+        raise ValueError(f"it has {count:,} nodes; the limit is {_MAX_NODES:,}")
     nodes = []
-    for _ in range(take.count(16)):
+    for _ in range(count):
         namespace, name = take.text(), take.text()
         readers, writers = (
             tuple(take.bytes(gid_size)[:_GUID_SIZE] for _ in range(take.count(gid_size))) for _ in range(2)

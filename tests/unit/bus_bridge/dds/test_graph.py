@@ -49,6 +49,19 @@ def test_what_is_malformed_is_refused(data: bytes) -> None:
         decode(data)
 
 
+@for_each(
+    ("nodes", "limit"),
+    [
+        ([NodeEntities("/", f"n{number}") for number in range(4097)], "4,097 nodes"),
+        ([NodeEntities("/", "n", (), (bytes(16),) * 70_000)], "1,120,048 bytes"),
+    ],
+)
+def test_a_long_list_of_nodes_is_refused_before_it_is_read(nodes: list[NodeEntities], limit: str) -> None:
+    """Reading it would hold up everything else."""
+    with pytest.raises(ValueError, match=limit):
+        decode(encode(bytes(16), nodes))
+
+
 @given(st.binary())
 def test_random_bytes_are_no_more_than_refused(data: bytes) -> None:
     try:
