@@ -98,7 +98,7 @@ def checked_interface(text: str) -> str:
 
 def checked_peer(text: str) -> str:
     """Check `text`, an address, and return it. Raises BridgeError if it can't be one."""
-    if not text or not _is_plain(text):
+    if not _is_host(text):
         raise BridgeError(f"'{text}' is not the address of a machine")
     return text
 
@@ -106,7 +106,7 @@ def checked_peer(text: str) -> str:
 def parse_server(text: str) -> tuple[str, int]:
     """The host and the port of a Discovery Server. Raises BridgeError if `text` names none."""
     host, colon, port = text.partition(":")
-    if not host or not _is_plain(host) or (colon and not (port.isdecimal() and 0 < int(port) < 1 << 16)):
+    if not _is_host(host) or (colon and not (port.isdecimal() and 0 < int(port) < 1 << 16)):
         raise BridgeError(
             f"'{text}' is not the address of a Discovery Server over UDP and IPv4, as in "
             f"'10.0.0.2:{_SERVER_PORT}'"
@@ -121,6 +121,11 @@ def far_of(peers: tuple[str, ...]) -> list[str]:
 
 def _is_plain(text: str) -> bool:
     return text.isascii() and not any(letter in text for letter in "<>&\"'\0 ")
+
+
+def _is_host(text: str) -> bool:
+    """Whether `text` can be an address, or a name: each part of it has up to 63 characters."""
+    return _is_plain(text) and all(0 < len(part) < 64 for part in text.removesuffix(".").split("."))
 
 
 def _is_loopback(address: str) -> bool:

@@ -14,6 +14,8 @@ from rows import for_each
         (DdsOptions(peers=("10.0.0.1",)), "10.0.0.1 can't be reached over the loopback interface"),
         (DdsOptions(interface="lo", peers=("robot",)), "--interface eth0"),
         (DdsOptions(interface="eth0", peers=("a b",)), "'a b' is not the address of a machine"),
+        (DdsOptions(interface="eth0", peers=("robot..local",)), "'robot..local' is not the address"),
+        (DdsOptions(interface="eth0", peers=("r" * 64,)), "rrr' is not the address of a machine"),
         (DdsOptions(servers=("10.0.0.1",)), "10.0.0.1 can't be reached over the loopback interface"),
         (
             DdsOptions(servers=("127.0.0.1:65536",)),
@@ -21,6 +23,7 @@ from rows import for_each
         ),
         (DdsOptions(servers=("127.0.0.1:",)), "'127.0.0.1:' is not"),
         (DdsOptions(servers=(":11811",)), "':11811' is not"),
+        (DdsOptions(servers=("robot..local",)), "'robot..local' is not"),
         (DdsOptions(servers=("TCPv4:[127.0.0.1]:42100",)), "over UDP and IPv4, as in '10.0.0.2:11811'"),
         (DdsOptions(servers=("127.0.0.1",), carrier="cyclonedds"), "needs --carrier rtps"),
         (DdsOptions(servers=("127.0.0.1",), distro="humble"), "the distro humble needs cyclonedds"),
@@ -40,6 +43,7 @@ def test_what_can_not_be(options: DdsOptions, text: str) -> None:
         DdsOptions(0, "127.0.0.1", ("127.0.0.1", "localhost")),
         DdsOptions(servers=("127.0.0.1", "localhost:11888")),
         DdsOptions(interface="eth0", servers=("robot.local:1",)),
+        DdsOptions(interface="eth0", peers=("robot.local.", "r" * 63, "fd00::2", "::ffff:10.0.0.2")),
     ],
 )
 def test_what_can_be(options: DdsOptions) -> None:
