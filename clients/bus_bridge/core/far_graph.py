@@ -33,8 +33,14 @@ class MirroredNode(msgspec.Struct, frozen=True):
     """The bus of the bridge that shows it."""
     via: tuple[str, ...]
     """The buses that it came through before, starting with its own; empty if it lives on `bus`."""
-    announcer: str
-    """As in FarNode."""
+    announcer: str = ""
+    """As of FarNode."""
+
+    @property
+    def clock(self) -> tuple[str, ...]:
+        """The clock of its messages' times: of its bus, or of its part of a bus with several independent
+        ones."""
+        return self.bus, *self.via[:1], self.announcer
 
     @property
     def identity(self) -> tuple[object, ...]:
@@ -197,9 +203,8 @@ class FarGraph:
         self._nodes[node.key] = announcer
         if self._own_bus not in (node.bus, *node.via):
             namespace = self._naming.namespace_from_wire(node.namespace)
-            mirrored = MirroredNode(
-                node.key, node.name, namespace or node.namespace, node.bus, node.via, node.announcer
-            )
+            shown = namespace or node.namespace
+            mirrored = MirroredNode(node.key, node.name, shown, node.bus, node.via, node.announcer)
             self._known_nodes[node.key] = mirrored
             if namespace is not None:
                 self.nodes[node.key] = mirrored

@@ -13,8 +13,8 @@ clock was set."""
 
 
 class Lateness:
-    """Ages of the messages of one far bus, or of one program of ROS 2. Its clock may be set and may drift, so
-    only the last half minute counts.
+    """Ages of messages with times of one far clock. It may be set and may drift, so only the last half minute
+    counts.
 
     `now_ns` comes from a clock that is never set. It has no relation to the far clock.
     """

@@ -127,8 +127,8 @@ class Mirrors:
         self._endpoints: dict[bytes, EndpointMirror] = {}
         self._leaving: dict[bytes, asyncio.Task[None]] = {}
         """Tasks for publishers that have gone but have waiting messages."""
-        self._lateness: WeakValueDictionary[tuple[str, str], Lateness] = WeakValueDictionary()
-        """By bus and announcer: the programs of a domain of ROS 2 may have different clocks."""
+        self._lateness: WeakValueDictionary[tuple[str, ...], Lateness] = WeakValueDictionary()
+        """By clock of their messages. Routes in keep them."""
         self._pasts = Pasts()
         self._stays = Stays()
         self._is_due = asyncio.Event()
@@ -156,8 +156,8 @@ class Mirrors:
     def bus_removed(self, bus: str) -> None:
         """Handle the end of the link to a bus. Call this before `look`."""
         self._stays.bus_removed(bus, self._loop.time())
-        for key in [key for key in self._lateness if key[0] == bus]:
-            self._lateness.pop(key, None)
+        for clock in [clock for clock in self._lateness if clock[0] == bus]:
+            self._lateness.pop(clock, None)
 
     async def run(self) -> None:
         """Make and close mirrors until cancelled. Call `close` afterwards."""
@@ -371,8 +371,7 @@ class Mirrors:
             if mirror.way is not None and mirror.way.is_broken:
                 self.notify()
 
-        from_node = mirror.node.far
-        lateness = self._lateness.setdefault((from_node.bus, from_node.announcer), Lateness())
+        lateness = self._lateness.setdefault(far.node.clock, Lateness())
         past = self._pasts.take(far.far.gid, self._loop.time())
         mirror.publisher = publisher
         mirror.way = Import(

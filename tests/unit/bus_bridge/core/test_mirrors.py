@@ -1,6 +1,7 @@
 """The order in which mirrors are made, and mirrors that stay while the link is away."""
 
 import asyncio
+import time
 from typing import Any
 from unittest.mock import AsyncMock, Mock
 
@@ -8,6 +9,7 @@ import pytest
 
 from bus.names import reply_topic, request_topic
 from bus.qos import Durability, QoSProfile
+from bus_bridge.batch import Loose, Sample
 from bus_bridge.core.bounds import Bounds
 from bus_bridge.core.far_graph import FarGraph
 from bus_bridge.core.mirrors import Mirrors
@@ -77,24 +79,6 @@ async def test_the_order_of_the_ends_of_a_service(
     world.is_free.set()
     await until(lambda: len(world.made) == 3)
     assert world.made == ["/slow", *(topic for _, topic in endpoints)]
-    task.cancel()
-    await asyncio.gather(task, return_exceptions=True)
-    await world.mirrors.close()
-
-
-async def test_the_clock_of_one_program_says_nothing_about_those_of_other_programs() -> None:
-    """A domain of ROS 2 is one bus, with programs on several machines."""
-    world = World()
-    for node, announcer in (("1", "one"), ("2", "one"), ("3", "other")):
-        world.far.node_added(FarNode(node, "there", f"node{node}", "/", announcer=announcer), 0.0)
-        world.add("publisher", f"/topic{node}", node)
-    task = asyncio.create_task(world.mirrors.run())
-    await until(lambda: len(world.made) == 3)
-    ways = {one.far.topic: one.way for one in world.mirrors if one.way is not None}
-    clocks = [way._lateness for _, way in sorted(ways.items())]
-    assert clocks[0] is clocks[1] is not clocks[2]
-    world.mirrors.bus_removed("there")
-    assert not world.mirrors._lateness
     task.cancel()
     await asyncio.gather(task, return_exceptions=True)
     await world.mirrors.close()
@@ -173,3 +157,37 @@ async def test_two_nodes_of_one_name_stay_while_the_link_is_away(
     await asyncio.gather(task, return_exceptions=True)
     await world.mirrors.close()
     assert all(node.close.await_count == 1 for node in world.nodes)
+
+
+async def test_the_clock_of_one_participant_expires_no_messages_of_another() -> None:
+    """Participants of ROS 2 are on one bus, but on several machines."""
+    far = FarGraph("here", Bounds(), Rules(), Naming(""))
+    sent: list[bytes] = []
+    publisher = Mock(matches=(), close=AsyncMock())
+
+    def publish(payload: bytes, **_: Any) -> bool:
+        sent.append(payload)
+        return True
+
+    publisher.publish_encoded = publish
+    node = Mock(open=AsyncMock(), close=AsyncMock(), create_publisher=AsyncMock(return_value=publisher))
+    mirrors = Mirrors(Mock(), far, Mock(), Mock(), lambda *_: node, Mock(return_value=False), Mock())
+    far.bus_added(FarBus("dds0"), 0.0)
+    for name in ("ahead", "right"):
+        far.node_added(FarNode(name, "dds0", name, "/", announcer=name), 0.0)
+        qos = QoSProfile(10, lifespan=0.5)
+        gid = name.encode().ljust(16, b".")
+        endpoint = FarEndpoint("publisher", gid, name, "/scan", "std_msgs/msg/String", "h", qos)
+        assert far.endpoint_added(endpoint, 0.0) is None
+    mirrors.notify()
+    task = asyncio.create_task(mirrors.run())
+    await until(lambda: all(mirror.is_open for mirror in mirrors) and len([*mirrors]) == 2)
+    now_ns = time.time_ns()
+    for mirror in mirrors:
+        is_ahead = mirror.node.far.name == "ahead"
+        assert mirror.way is not None
+        mirror.way.receive(Loose([Sample(b"x", 1, now_ns + 3_600_000_000_000 * is_ahead)]))
+    assert sent == [b"x", b"x"]
+    task.cancel()
+    await asyncio.gather(task, return_exceptions=True)
+    await mirrors.close()
