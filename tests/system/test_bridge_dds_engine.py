@@ -580,6 +580,17 @@ async def test_the_end_of_a_domain(bridge: Bridge, alone: Alone) -> None:
             announce("/other")
 
 
+@pytest.mark.parametrize("carrier", ["cyclonedds", "rtps"])
+async def test_a_domain_that_is_refused_at_once(carrier: Any) -> None:
+    """Its bus has the id of this bus."""
+    far, engine = Far(), DdsEngine("robot-1a2b3c4d", msgspec.structs.replace(OPTIONS, carrier=carrier))
+    far.bus_added = lambda bus: engine.refuse(bus.id, "the same id")  # type: ignore[method-assign]
+    far.bus_removed = lambda bus_id, reason: None  # type: ignore[method-assign]
+    await engine.open(far)
+    assert [(link.state, link.text) for link in engine.links()] == [("refused", "the same id")]
+    await engine.close()
+
+
 async def test_an_interface_that_is_not_there_is_named_once(capfd: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(BridgeError, match="--interface nowhere0: there is no such network interface"):
         await DdsEngine("id", DdsOptions(3, interface="nowhere0")).open(Far())

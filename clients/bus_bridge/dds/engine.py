@@ -92,8 +92,8 @@ class DdsEngine:
         self._service_ways = ServiceWays(self._services, known, user_data(self._mark), self._show_end)
         self._graph = DomainGraph(self._bus.id)
         self._discovery = Discovery(self._graph, self.types, known, far, self._discovered)
-        far.bus_added(self._bus)
         self._discovery.node_topic = carrier.open(self._discovery, self._entities, far.warn)
+        far.bus_added(self._bus)  # it may refuse the domain at once
         self._say_nodes()
 
     async def close(self) -> None:
