@@ -250,8 +250,9 @@ class Discovery:
                     self._far.endpoint_removed(gid, node)
                 case Removed(node):
                     self._far.node_removed(node)
-        end = self._graph.next_time
-        if self._timer is None and end is not None and not self._is_closed:
+        if self._timer is not None or self._is_closed:
+            return  # without a look at all waiting endpoints
+        if (end := self._graph.next_time) is not None:
             self._timer = self._loop.call_later(max(end - time.monotonic(), 0.01), self._pass_time)
 
     def _pass_time(self) -> None:

@@ -180,8 +180,6 @@ class RtpsCarrier:
         for reader in sorted(self._readers.get(topic, ()), key=lambda one: one.rank):
             for gid in reader.local.matched:
                 matched[gid].append(reader)
-        for gid in [gid for gid, one in self._carrying.items() if one.topic == topic and gid not in matched]:
-            del self._carrying[gid]
         for gid, readers in matched.items():
             present, best = self._carrying.get(gid), readers[-1]
             has_more = best.policies.transient_local and not self._passed_on(gid)
@@ -280,6 +278,9 @@ class RtpsCarrier:
         of_topic.remove(reader)
         if not of_topic:
             del self._readers[reader.topic]
+        for gid in reader.local.matched:
+            if self._carrying.get(gid) is reader:
+                del self._carrying[gid]
         reader.close()
         self.choose(reader.topic)
 

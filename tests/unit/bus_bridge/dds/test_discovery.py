@@ -8,10 +8,11 @@ import pytest
 from bus_bridge.dds import discovery as module
 from bus_bridge.dds.carrier import Discovered
 from bus_bridge.dds.discovery import Discovery
-from bus_bridge.dds.graph import Added, announcer_of
+from bus_bridge.dds.graph import Added, DomainGraph, announcer_of
 from bus_bridge.dds.names import MARK
 from bus_bridge.engine import FarNode
 from bus_bridge.errors import BridgeError
+from bus_bridge.ros2.known_types import KnownTypes
 from bus_bridge.rtps.policies import Policies
 
 _numbers = itertools.count(1)
@@ -107,3 +108,20 @@ async def test_nodes_of_a_refused_participant_are_not_reported() -> None:
     discovery.refuse(refused)
     discovery._report(Added(node) for node in nodes)
     assert [call.args[0].name for call in far.node_added.call_args_list] == ["a", "b", "b"]
+
+
+async def test_waiting_endpoints_are_looked_at_once() -> None:
+    """A look for each of thousands of endpoints would hold up everything else."""
+    looks = []
+
+    class Graph(DomainGraph):
+        @property
+        def next_time(self) -> float | None:
+            looks.append(self)
+            return super().next_time
+
+    discovery = Discovery(Graph("dds0"), KnownTypes(), Mock(), Mock(), lambda: None)
+    for _ in range(100):
+        discovery.endpoint_added(endpoint()._replace(type_name="std_msgs::msg::dds_::String_"))
+    assert len(looks) == 1
+    discovery.close()

@@ -255,3 +255,14 @@ async def test_a_retired_reader_does_not_wait_for_ever(monkeypatch: pytest.Monke
     assert world.carrier._readers[TOPIC] == [former, latter]
     await until(lambda: world.carrier._readers[TOPIC] == [latter])
     assert [*world.carrier._carrying.values()] == [latter]
+
+
+async def test_a_writer_without_a_reader_is_carried_by_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    world = World(monkeypatch)
+    writer = world.far_writer(RELIABLE)
+    reader = world.listen(RELIABLE)
+    world.network.run(3)
+    world.read(writer)
+    assert world.carrier._carrying == {writer.guid: reader}
+    world.carrier.retire_reader(reader)
+    assert world.carrier._carrying == {} and not world.carrier._readers
