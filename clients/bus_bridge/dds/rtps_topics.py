@@ -201,7 +201,7 @@ class RtpsCarrier:
         route = self._routes.get(gid)
         if route is not None:
             route.take([arrival])
-        elif gid not in self._last:  # a route may be on its way
+        elif gid not in self._last and not self._is_marked(gid):  # a route may be on its way
             is_first = reader.early.put(gid, arrival)
             if is_first and not reader.policies.transient_local:
                 self._loop.call_later(_PATIENCE_S, reader.early.pop, gid)
@@ -252,6 +252,10 @@ class RtpsCarrier:
         self._warn(text)
 
     # --- inside
+
+    def _is_marked(self, gid: bytes) -> bool:
+        """Whether a writer belongs to a refused participant."""
+        return self._listener is not None and self._listener.is_marked(_handle(gid))
 
     def _passed_on(self, gid: bytes) -> int:
         """The number of the last message of a writer that was passed on."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from typing import Any
+from unittest.mock import Mock
 
 import msgspec
 import pytest
@@ -266,3 +267,17 @@ async def test_a_writer_without_a_reader_is_carried_by_none(monkeypatch: pytest.
     assert world.carrier._carrying == {writer.guid: reader}
     world.carrier.retire_reader(reader)
     assert world.carrier._carrying == {} and not world.carrier._readers
+
+
+@pytest.mark.parametrize("is_refused", [False, True])
+async def test_messages_of_a_refused_participant_take_no_memory(
+    monkeypatch: pytest.MonkeyPatch, is_refused: bool
+) -> None:
+    world = World(monkeypatch)
+    world.carrier._listener = Mock(is_marked=lambda handle: is_refused)
+    writer = world.far_writer(LATCHED)
+    reader = world.listen(LATCHED)
+    world.network.run(3)
+    world.say(writer, "a")
+    world.network.run(1)
+    assert len(reader.early) == (not is_refused)
