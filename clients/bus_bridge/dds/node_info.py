@@ -18,6 +18,8 @@ __all__ = ["NodeInfo"]
 
 _PROBE_AFTER_S: Final = 0.1
 _PROBE_AGAIN_S: Final = 1.0
+_MOST_PROBES: Final = 10
+"""For each writer: it may never send anything."""
 _MOST_EARLY: Final = 1000
 
 
@@ -49,8 +51,8 @@ class NodeInfo:
         self._early: dict[int, bytes] = {}
         """Data that came before discovery found its writer, by handle."""
         self._ignored: set[int] = set()
-        self._silent: set[int] = set()
-        """Handles of writers that have sent nothing yet."""
+        self._silent: dict[int, int] = {}
+        """Writers that have sent nothing yet, by handle, with their numbers of further probes."""
         self._probes: list[Endpoint] = []
         self._timer: asyncio.TimerHandle | None = None
         self._is_closed = False
@@ -82,7 +84,7 @@ class NodeInfo:
                 )
             if size == GID_SIZE or len(sizes) == 1:
                 self._writer.change(size)
-        self._silent.add(handle)
+        self._silent[handle] = _MOST_PROBES
         if (early := self._early.pop(handle, None)) is not None:
             self._receive(handle, early)
         elif self._timer is None:
@@ -97,7 +99,7 @@ class NodeInfo:
         """Remove a writer."""
         self._writers.pop(handle, None)
         self._ignored.discard(handle)
-        self._silent.discard(handle)
+        self._silent.pop(handle, None)
 
     def _listen(self, size: int) -> None:
         if size not in self._readers:
@@ -118,6 +120,7 @@ class NodeInfo:
         if self._silent and not self._is_closed:
             for size in {self._writers[handle][1] for handle in self._silent}:
                 self._probes.append(self._make_reader(size))
+            self._silent = {handle: left - 1 for handle, left in self._silent.items() if left > 1}
             self._timer = self._loop.call_later(_PROBE_AGAIN_S, self._probe)
 
     def _take(self) -> None:
@@ -139,7 +142,7 @@ class NodeInfo:
             self._early[handle] = data
             return
         owner, size = self._writers[handle]
-        self._silent.discard(handle)
+        self._silent.pop(handle, None)
         try:
             participant, nodes = decode(data, size)
         except ValueError:
