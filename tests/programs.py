@@ -57,10 +57,10 @@ class Program:
         for entry in Path("/proc").glob("[0-9]*"):
             try:
                 is_ours = self._mark in (entry / "environ").read_bytes().split(b"\0")
-                line = (entry / "cmdline").read_bytes().replace(b"\0", b" ").decode()
+                line = (entry / "cmdline").read_bytes().replace(b"\0", b" ")
             except OSError:
                 continue  # it has ended, or is another user's
-            if is_ours and command in line:
+            if is_ours and command.encode() in line:
                 found.append(int(entry.name))
         return found
 

@@ -120,7 +120,7 @@ def _find_fault(address: Address) -> OSError | None:
         with socket.socket(family, kind, protocol) as probe:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             probe.bind(place)
-    except socket.gaierror:
+    except (socket.gaierror, UnicodeError):  # UnicodeError: a part of the name is too long
         return None
     except OSError as error:
         return error
