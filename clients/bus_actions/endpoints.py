@@ -4,15 +4,13 @@ Owns: their names and policies, and the order in which they appear: a program th
 of them. Knows no goals: its maker passes a callback for each message.
 """
 
-import asyncio
-from collections import deque
 from collections.abc import Callable
 from typing import Any, Final
 
 import msgspec
 
 from bus.endpoint.endpoint import core_of
-from bus.errors import BusError, ConnectionClosed, PayloadTooLarge
+from bus.errors import BusError
 from bus.node import SERVICE_QOS, Node
 from bus.publisher import Publisher
 from bus.qos import QoSProfile, action_status_default
@@ -25,7 +23,6 @@ __all__ = ["ActionQoS", "ClientEndpoints", "ServerEndpoints"]
 
 _HIDDEN: Final = "/_action/"
 FEEDBACK: Final = f"{_HIDDEN}feedback"
-_MOST_LATE: Final = 1000
 
 
 class ActionQoS(msgspec.Struct, frozen=True, kw_only=True):
@@ -56,9 +53,6 @@ class ServerEndpoints:
     result: ServiceServer
     feedback: Publisher[Any]
     status: Publisher[Any]
-
-    def __init__(self) -> None:
-        self._late: dict[ServiceServer, _LateAnswers] = {}
 
     async def open(
         self,
@@ -101,17 +95,10 @@ class ServerEndpoints:
         """The full name."""
         return self.goal.service_name.removesuffix(f"{_HIDDEN}send_goal")
 
-    def answer(self, service: ServiceServer, request_id: RequestId, response: Any, error: str = "") -> None:
-        """As `respond` of the service. If there is no room (QoS keep all), the answer follows later; above
-        1000 such answers, the oldest is dropped."""
-        late = self._late.setdefault(service, _LateAnswers(service))
-        if late.waiting or not service.respond(request_id, response, error):
-            late.add(request_id, response, error)
-
     def answer_result(self, request_id: RequestId, response: Any, error: str = "") -> None:
-        """As `answer`, after the feedback that was published before."""
+        """As `_answer` of the service `result`, after the feedback that was published before."""
         core_of(self.feedback).hand_over()  # by the socket it would wait for the end of this turn
-        self.answer(self.result, request_id, response, error)
+        self.result._answer(request_id, response, error)
 
     async def close(self) -> None:
         await _close(self, ("goal", "cancel", "result", "feedback", "status"))
@@ -186,41 +173,6 @@ class ClientEndpoints:
 
     async def close(self) -> None:
         await _close(self, ("goal", "cancel", "result", "feedback", "status"))
-
-
-class _LateAnswers:
-    """Answers of a service that wait for room, in their order."""
-
-    def __init__(self, service: ServiceServer) -> None:
-        self._service = service
-        self.waiting: deque[tuple[RequestId, Any, str]] = deque(maxlen=_MOST_LATE)
-        self._task: asyncio.Task[None] | None = None
-
-    def add(self, request_id: RequestId, response: Any, error: str) -> None:
-        self.waiting.append((request_id, response, error))
-        if self._task is None:
-            # Not always the running loop: see bus_ros.engine.
-            loop = core_of(self._service._requests).link.loop
-            self._task = loop.create_task(self._send(), name=f"answers of {self._service.service_name}")
-
-    async def _send(self) -> None:
-        try:
-            while self.waiting:
-                await self._service.wait_for_room()
-                while self.waiting and self._respond(*self.waiting[0]):
-                    self.waiting.popleft()
-        except ConnectionClosed:
-            self.waiting.clear()
-        finally:
-            self._task = None
-
-    def _respond(self, request_id: RequestId, response: Any, error: str) -> bool:
-        """As `respond` of the service. If the answer is above the limit, its client gets the error
-        instead, and the answers behind it follow."""
-        try:
-            return self._service.respond(request_id, response, error)
-        except PayloadTooLarge as too_large:
-            return self._service.respond(request_id, None, f"{type(too_large).__name__}: {too_large}")
 
 
 async def _close(ends: ServerEndpoints | ClientEndpoints, names: tuple[str, ...]) -> None:

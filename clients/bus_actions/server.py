@@ -22,7 +22,6 @@ from bus.errors import (
     ConnectionClosed,
     LocalProtocolError,
     MessageTypeError,
-    PayloadTooLarge,
 )
 from bus.names import validate_topic_name
 from bus.node import Node
@@ -321,7 +320,7 @@ class ActionServer:
         except Exception as error:
             if self._ends is not None:
                 service = self._ends.goal if end == "goal" else self._ends.cancel
-                self._ends.answer(service, request_id, None, f"{type(error).__name__}: {error}")
+                service._refuse(request_id, error)
             raise
 
     def _answer_goal(self, request: Any, request_id: RequestId, *, is_wanted: bool) -> None:
@@ -339,12 +338,12 @@ class ActionServer:
                 self._node.get_logger().warning(f"action '{self.name}' rejects a goal: {error}")
         if record is None:
             self._counts["rejected"] += 1
-            self._ends.answer(self._ends.goal, request_id, response)
+            self._ends.goal._answer(request_id, response)
             return
         self._counts["accepted"] += 1
         response.accepted = True
         response.stamp.sec, response.stamp.nanosec = divmod(record.stamp_ns, _NS)
-        self._ends.answer(self._ends.goal, request_id, response)
+        self._ends.goal._answer(request_id, response)
         goal = self._goals[record.id] = ServerGoal(self, record, request.goal)
         self._publish_status()
         self._executions.add(goal)
@@ -454,7 +453,7 @@ class ActionServer:
         canceled = [goal for goal in goals if goal.status in (GoalStatus.ACCEPTED, GoalStatus.EXECUTING)]
         response.goals_canceling = [self._support.info_of(goal._record) for goal in canceled]
         if self._ends is not None:
-            self._ends.answer(self._ends.cancel, request_id, response)
+            self._ends.cancel._answer(request_id, response)
         for goal in canceled:
             self._advance(goal, GoalEvent.CANCEL_GOAL)
             if not self._executions.cancel(goal):
@@ -473,20 +472,13 @@ class ActionServer:
             self._send_result(request_id, goal._response)
         elif len(goal._waiting) >= _MOST_WAITING and self._ends is not None:
             text = f"{_MOST_WAITING} requests wait for the result of goal {goal.id.hex()} already"
-            self._ends.answer(self._ends.result, request_id, None, text)
+            self._ends.result._answer(request_id, None, text)
         else:
             goal._waiting.append(request_id)
 
     def _send_result(self, request_id: RequestId, response: Any) -> None:
-        if self._ends is None:
-            return
-        try:
+        if self._ends is not None:
             self._ends.answer_result(request_id, response)
-        except ConnectionClosed:
-            pass
-        except PayloadTooLarge as error:
-            self._ends.answer(self._ends.result, request_id, None, f"{type(error).__name__}: {error}")
-            self._node.get_logger().warning(f"no result of action '{self.name}' to one request: {error}")
 
     def _expire(self) -> None:
         for goal in self._table.expire(monotonic_ns()):

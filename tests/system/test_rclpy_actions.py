@@ -460,13 +460,13 @@ def test_answers_without_room_follow_later(ends: Ends, monkeypatch: pytest.Monke
     for name in ("goal", "result"):
         end = getattr(server._ends, name)
 
-        def respond(*answer: Any, name: str = name, respond: Any = end.respond) -> Any:
+        def publish(answer: Any, name: str = name, publish: Any = end._publish) -> Any:
             if name in refused:
-                return respond(*answer)
+                return publish(answer)
             refused.append(name)
             return False
 
-        monkeypatch.setattr(end, "respond", respond)
+        monkeypatch.setattr(end, "_publish", publish)
         monkeypatch.setattr(end, "wait_for_room", wait)
     assert ends.result(ends.send(2)) == (GoalStatus.SUCCEEDED, [0, 1])
     assert refused == ["goal", "result"]

@@ -224,6 +224,26 @@ def test_an_answer_that_is_too_large_is_refused_and_the_server_goes_on(
         assert client.call(kind.Request(), timeout_sec=WAIT_S).message == "xxxxx"  # type: ignore[attr-defined]
 
 
+def test_an_answer_without_room_follows_later(
+    world: World, server: Node, client: Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Under keep all, a slow client must not end the server."""
+    service = server.create_service(AddTwoInts, "add", lambda request, response: response)
+    outcomes = [False]
+    publish = service.native._publish
+    monkeypatch.setattr(
+        service.native, "_publish", lambda answer: outcomes.pop() if outcomes else publish(answer)
+    )
+
+    async def wait() -> None: ...
+
+    monkeypatch.setattr(service.native, "wait_for_room", wait)
+    with world.spinning(server):
+        assert client.wait_for_service(timeout_sec=WAIT_S)
+        assert client.call(asked(1), timeout_sec=WAIT_S).sum == 0
+    assert not outcomes
+
+
 def test_a_server_that_raises(world: World, server: Node, client: Client) -> None:
     """The exception leaves the server's spin, and the client gets the error."""
 

@@ -17,10 +17,14 @@ from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any, cast
 
+import msgspec
+
+from bus.endpoint.core import NodeContext
 from bus.errors import BusError, ConnectionClosed, ServiceError, ServiceUnavailable
 from bus.msg.builtin_interfaces import Time
+from bus.qos import QoSProfile
 from bus.service.client import CallLost
-from bus.service.server import RequestId
+from bus.service.server import RequestId, ServiceServer
 from bus.types.support import type_support
 from bus_actions import ActionClient, ActionServer
 
@@ -39,37 +43,51 @@ class _Logger:
         self.warnings.append(text)
 
 
-class ListService:
+class ListService(ServiceServer):
     """A server of a service. `answers` has the request ids and responses of all its answers."""
 
-    def __init__(self, world: "ActionWorld", name: str, on_request: Callable[[Any, RequestId], Any]) -> None:
-        self.service_name = name
+    def __init__(
+        self, world: "ActionWorld", definition: Any, name: str, on_request: Callable[[Any, RequestId], Any]
+    ) -> None:
         self.on_request = on_request
         self.answers: list[tuple[RequestId, Any]] = []
-        self.is_closed = False
         self.has_room = asyncio.Event()
         self.has_room.set()
-        self._requests = self
-        self._core = self
-        self.link = SimpleNamespace(loop=asyncio.get_running_loop())
-        self.on_end: Callable[[BusError], object] | None = None
+        self._is_closed = False
         self._world = world
+        link: Any = SimpleNamespace(loop=asyncio.get_running_loop())
+        self._core: Any = SimpleNamespace(on_end=None, on_lost=None, refused=0, link=link)
+        node = NodeContext(
+            link, NAME, cast(Any, world.server_node.logger), cast(Any, world.server_node)._fail
+        )
+        super().__init__(node, name, definition, QoSProfile(), on_request=on_request)
 
-    def respond(self, request_id: RequestId, response: Any, error: str = "") -> bool:
+    def _make_publisher(self, *_: object) -> Any:
+        return SimpleNamespace(
+            publish_encoded=self._publish_encoded, wait_for_room=self._wait, _core=self._core
+        )
+
+    def _make_subscription(self, *_: object) -> Any:
+        return SimpleNamespace(_core=self._core)
+
+    def _publish_encoded(self, payload: bytes) -> bool:
         if not self.has_room.is_set():
             return False
-        outcome = ServiceError(self.service_name, error) if error else response
+        client, number, *_ = msgspec.msgpack.decode(payload)
+        reply = self._support.replies(client).decode(payload)
+        outcome = ServiceError(self.service_name, reply.error) if reply.error else reply.body
+        request_id = RequestId(client, number)
         self.answers.append((request_id, outcome))
         self._world.send(self._world.answer, request_id, self.service_name, outcome)
         return True
 
-    async def wait_for_room(self) -> None:
+    async def _wait(self) -> None:
         await self.has_room.wait()
-        if self.is_closed:
+        if self._is_closed:
             raise ConnectionClosed("the service is closed")
 
     async def close(self) -> None:
-        self.is_closed = True
+        self._is_closed = True
         self.has_room.set()
         self._world.services.pop(self.service_name, None)
 
@@ -194,7 +212,7 @@ class ListNode:
     async def create_service(
         self, definition: Any, name: str, *, qos: object, on_request: Callable[[Any, RequestId], Any]
     ) -> ListService:
-        made = self._world.services[name] = ListService(self._world, name, on_request)
+        made = self._world.services[name] = ListService(self._world, definition, name, on_request)
         if self._world.in_opening is not None:
             await self._world.in_opening(made)
         return made

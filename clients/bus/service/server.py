@@ -8,7 +8,8 @@ round. So when a request arrives here, its client can already receive the answer
 """
 
 import asyncio
-from collections.abc import Callable, Coroutine
+from collections import deque
+from collections.abc import Callable
 from contextlib import suppress
 from typing import Any, Final, NamedTuple
 
@@ -31,7 +32,8 @@ __all__ = ["RequestId", "ServiceServer", "ServiceServerStatistics"]
 
 _MOST_AT_ONCE: Final = 100
 _MOST_AT_WORK: Final = 10_000
-"""Most unanswered requests that the server keeps; older ones count as lost."""
+"""Most unanswered requests that the server keeps, and most answers that wait for room. Older ones are
+lost."""
 _MOST_LOST: Final = 1000
 """Most dead clients that the server keeps; it carries out requests of earlier ones."""
 
@@ -50,6 +52,14 @@ class RequestId(NamedTuple):
     """From 1, one more with each of its requests."""
 
 
+class _Answer(NamedTuple):
+    """An encoded answer."""
+
+    request_id: RequestId
+    payload: bytes
+    is_error: bool
+
+
 class ServiceServerStatistics(msgspec.Struct, frozen=True):
     """Totals of one server.
 
@@ -65,7 +75,7 @@ class ServiceServerStatistics(msgspec.Struct, frozen=True):
     errors: int
     """Error answers among `responses`."""
     refused: int
-    """Answers for which there was no room (QoS keep all)."""
+    """Answers lost because there was no room (QoS keep all). Answers of a callback wait for room first."""
     dropped: dict[str, int]
     """Requests lost on the way, by reason, as of a subscription."""
     clients: int
@@ -108,6 +118,9 @@ class ServiceServer(ServiceBase):
         self._lost: dict[bytes, None] = {}
         """Gids of clients that have died, the latest last."""
         self._at_work: dict[RequestId, None] = {}
+        self._late: deque[_Answer] = deque()
+        """Answers that wait for room, in their order; `_sending` publishes them."""
+        self._sending: asyncio.Task[None] | None = None
         if (callback is None) is (on_request is None):
             raise TypeError("a service needs either a callback or on_request")
         self._work = None if callback is None else _Work(self, callback, node.on_error)
@@ -134,16 +147,7 @@ class ServiceServer(ServiceBase):
         there was no room (QoS keep all), as `Publisher.publish` does. Raises MessageTypeError for a wrong
         response, PayloadTooLarge above the limit, ConnectionClosed after `close`.
         """
-        if error:
-            payload = self._support.encode_error(*request_id, error)
-        else:
-            payload = self._support.encode_response(*request_id, response)
-        if not self._replies.publish_encoded(payload):
-            return False
-        self._at_work.pop(request_id, None)
-        self._answered += 1
-        self._errors += bool(error)
-        return True
+        return self._publish(self._encode(request_id, response, error))
 
     async def wait_for_room(self) -> None:
         """After `respond` found no room: wait until a new attempt may succeed.
@@ -196,6 +200,75 @@ class ServiceServer(ServiceBase):
         self._skipped += 1
         self._at_work.pop(request_id, None)
         return True
+
+    def _answer(self, request_id: RequestId, response: Any, error: str = "") -> None:
+        """As `respond`, for a caller that does not wait for room; without effect after `close`.
+
+        Without room, the answer follows later. Above the limit, its client gets the error instead.
+        """
+        answer = self._encode(request_id, response, error)
+        with suppress(ConnectionClosed):
+            if self._late or not self._publish_or_refuse(answer):
+                self._keep(answer)
+
+    def _refuse(self, request_id: RequestId, error: Exception) -> None:
+        """Answer the client with the error of a callback."""
+        with suppress(BusError):  # the caller raises the cause
+            self._answer(request_id, None, _text_of(error))
+
+    def _encode(self, request_id: RequestId, response: Any, error: str) -> _Answer:
+        if error:
+            return _Answer(request_id, self._support.encode_error(*request_id, error), True)
+        return _Answer(request_id, self._support.encode_response(*request_id, response), False)
+
+    def _publish(self, answer: _Answer) -> bool:
+        """Returns whether there was room."""
+        if not self._replies.publish_encoded(answer.payload):
+            return False
+        self._at_work.pop(answer.request_id, None)
+        self._answered += 1
+        self._errors += answer.is_error
+        return True
+
+    def _publish_or_refuse(self, answer: _Answer) -> bool:
+        """As `_publish`; without room, the caller tries again later."""
+        try:
+            has_room = self._publish(answer)
+        except PayloadTooLarge as error:
+            # Perhaps the client requested that much: it gets the error, and the server continues for the
+            # others.
+            core_of(self._replies).link.loop.call_soon(self._warn_of_size, error)
+            if answer.is_error:
+                return True
+            return self._publish_or_refuse(self._encode(answer.request_id, None, _text_of(error)))
+        self._count_refused(-(not has_room))
+        return has_room
+
+    def _keep(self, answer: _Answer) -> None:
+        """Publish an answer as soon as there is room, after the earlier ones."""
+        if len(self._late) >= _MOST_AT_WORK:
+            self._at_work.pop(self._late.popleft().request_id, None)
+            self._count_refused(1)
+        self._late.append(answer)
+        if self._sending is None:
+            # Not always the running loop: see bus_ros.engine.
+            self._sending = core_of(self._replies).link.loop.create_task(
+                self._publish_late(), name=f"answers of {self.service_name}"
+            )
+
+    async def _publish_late(self) -> None:
+        try:
+            while self._late:
+                await self.wait_for_room()
+                while self._late and self._publish_or_refuse(self._late[0]):
+                    self._late.popleft()
+        except ConnectionClosed:
+            self._late.clear()
+        finally:
+            self._sending = None
+
+    def _count_refused(self, number: int) -> None:
+        core_of(self._replies).refused += number
 
     def _take(self, request: Request) -> None:
         request_id = RequestId(request.client, request.number)
@@ -259,67 +332,38 @@ class _Work:
 
     def _call(self, request: Any, request_id: RequestId) -> None:
         try:
-            response = self._callback(*self._arguments(request))
-            has_room = self._respond(request_id, response)
+            self._server._answer(request_id, self._callback(*self._arguments(request)))
         except Exception as error:
-            self._refuse(request_id, error)
+            self._server._refuse(request_id, error)
             raise
-        if not has_room:
-            self._keep(self._respond_later(request_id, response))
 
     async def _start(self, request: Any, request_id: RequestId) -> None:
         await self._places.acquire()
         if self._server._skip(request_id):
             self._places.release()
             return
-        self._keep(self._run(request, request_id)).add_done_callback(lambda _: self._places.release())
+        name = f"a call of {self._server.service_name}"
+        task = asyncio.create_task(self._run(request, request_id), name=name)
+        self._tasks.add(task)
+        task.add_done_callback(self._forget)
+
+    def _forget(self, task: asyncio.Task[None]) -> None:
+        self._tasks.discard(task)
+        self._places.release()
 
     async def _run(self, request: Any, request_id: RequestId) -> None:
         try:
             response = await call_async(self._callback, *self._arguments(request))
-            has_room = self._respond(request_id, response)
+            self._server._answer(request_id, response)
         except Exception as error:
-            self._refuse(request_id, error)
+            self._server._refuse(request_id, error)
             self._on_error(error)
-            return
-        if not has_room:
-            await self._respond_later(request_id, response)
-
-    def _keep(self, work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
-        task = asyncio.create_task(work, name=f"a call of {self._server.service_name}")
-        self._tasks.add(task)
-        task.add_done_callback(self._tasks.discard)
-        return task
+        if self._server._sending is not None:  # the call keeps its place until its answer has left
+            await asyncio.wait({self._server._sending})
 
     def _arguments(self, request: Any) -> tuple[Any, ...]:
         return (request, self._server.type.Response()) if self._gives_response else (request,)
 
-    def _respond(self, request_id: RequestId, response: Any) -> bool:
-        """Send the response; returns whether there was room.
 
-        True after the close: then no call waits for room.
-        """
-        try:
-            return self._server.respond(request_id, response)
-        except ConnectionClosed:
-            return True
-        except PayloadTooLarge as error:
-            # Perhaps the client requested that much: it gets the error, and the server continues for the
-            # others.
-            self._refuse(request_id, error)
-            self._server._warn_of_size(error)
-            return True
-
-    async def _respond_later(self, request_id: RequestId, response: Any) -> None:
-        try:
-            while not self._respond(request_id, response):
-                await self._server.wait_for_room()
-        except ConnectionClosed:
-            pass
-
-    def _refuse(self, request_id: RequestId, error: Exception) -> None:
-        """Answer the client with the error."""
-        try:
-            self._server.respond(request_id, None, f"{type(error).__name__}: {error}")
-        except BusError:
-            pass  # the caller raises the cause
+def _text_of(error: Exception) -> str:
+    return f"{type(error).__name__}: {error}"

@@ -6,7 +6,6 @@ from contextlib import AbstractContextManager
 from typing import Any
 
 from bus.base.callbacks import is_async
-from bus.errors import PayloadTooLarge
 from bus.service.server import RequestId, ServiceServer
 from bus_ros.engine import Engine
 from bus_ros.entity import Entity, Group, Owner, Work
@@ -87,28 +86,19 @@ class BaseService(Introspected, Destroyable):
             raise
 
     def _answer_with(self, response: object, request_id: RequestId) -> None:
-        try:
-            self.send_response(response, request_id)
-        except PayloadTooLarge as error:
-            # The client may have caused it by its request: it gets an error, and the server continues for
-            # others.
-            self._refuse(request_id, error)
-            text = f"no answer of service '{self.service_name}' to one request: {error}"
-            self.node.get_logger().warning(text, throttle_duration_sec=1.0)
+        self.send_response(response, request_id)
 
     def _refuse(self, request_id: RequestId, error: Exception) -> None:
         """Answer with an error; in ROS the client would wait for ever."""
         with self._guard:
             if not self.is_destroyed:  # the callback may have destroyed it
-                self.native.respond(request_id, None, f"{type(error).__name__}: {error}")
+                self.native._refuse(request_id, error)
 
     def _respond(self, request_id: RequestId, response: object) -> None:
         with self._guard:
             if self.is_destroyed:
                 raise InvalidHandle(f"the service '{self.service_name}' is destroyed")
-            has_room = self.native.respond(request_id, response)
-        if not has_room:
-            raise RuntimeError(f"no room for a response of service '{self.service_name}'")
+            self.native._answer(request_id, response)
 
 
 class Service(Entity, BaseService):

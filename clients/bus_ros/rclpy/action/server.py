@@ -318,7 +318,7 @@ class ActionServer(ActionEntity):
     def _take(self, function: Any, end: Callable[[], Any], request: Any, request_id: RequestId) -> None:
         if len(self._calls) >= MOST_WAITING:
             text = "RuntimeError: too many requests wait: nobody spins the server"
-            self._ends.answer(end(), request_id, None, text)
+            end()._answer(request_id, None, text)
         else:
             self._put(function, request, request_id)
 
@@ -326,8 +326,6 @@ class ActionServer(ActionEntity):
         with self._engine.loop:
             try:
                 respond(request_id, response)
-            except ConnectionClosed:
-                pass  # destroyed meanwhile: its clients get an error
             except BusError as error:
                 respond(request_id, None, f"{type(error).__name__}: {error}")
 
@@ -338,7 +336,7 @@ class ActionServer(ActionEntity):
             yield
         except Exception as error:
             with self._engine.loop:
-                self._ends.answer(end, request_id, None, f"{type(error).__name__}: {error}")
+                end._refuse(request_id, error)
             raise
 
     def _publish_status(self) -> None:
@@ -388,7 +386,7 @@ class ActionServer(ActionEntity):
         if goal_handle is not None:
             self._goal_handles[bytes(goal_id.uuid)] = goal_handle
             self._result_futures[bytes(goal_id.uuid)] = Future(executor=self.node.own_executor)
-        self._respond(partial(self._ends.answer, self._ends.goal), request_id, response)
+        self._respond(self._ends.goal._answer, request_id, response)
         if goal_handle is not None:
             if self._handle_accepted_callback is not default_handle_accepted_callback:
                 with self._engine.loop:
@@ -444,7 +442,7 @@ class ActionServer(ActionEntity):
                 answer = await await_or_execute(self._cancel_callback, goal_handle)
             if answer == CancelResponse.ACCEPT and self._cancel(goal_handle):
                 response.goals_canceling.append(self._support.info_of(goal))
-        self._respond(partial(self._ends.answer, self._ends.cancel), request_id, response)
+        self._respond(self._ends.cancel._answer, request_id, response)
 
     def _cancel(self, goal_handle: ServerGoalHandle) -> bool:
         """Whether it is canceled: it may have ended during the program's callback."""

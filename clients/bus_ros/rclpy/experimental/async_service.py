@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable
 from contextlib import nullcontext
 from typing import Any, Final
 
-from bus.errors import BusError
 from bus.names import reply_topic, request_topic
 from bus.node import Node as NativeNode
 from bus.service.server import RequestId, ServiceServer
@@ -110,9 +109,3 @@ class AsyncService(AsyncEntity, BaseService):
     def _answer_with(self, response: object, request_id: RequestId) -> None:
         if not self.is_destroyed:  # the callback may have destroyed it: the client learns that
             super()._answer_with(response, request_id)
-
-    def _refuse(self, request_id: RequestId, error: Exception) -> None:
-        try:
-            super()._refuse(request_id, error)
-        except BusError:
-            pass  # the service is closed: the client learns that

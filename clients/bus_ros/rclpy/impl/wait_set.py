@@ -267,7 +267,7 @@ class Service(Source):
     def service_send_response(self, response: Any, request_id: Any) -> None:
         """Answer the request with the `request_id` of its header."""
         with engine().loop:
-            self._native.respond(request_id, response)
+            self._native._answer(request_id, response)
 
     def _on_request(self, request: object, request_id: Any) -> None:
         self._requests.append((request, request_id))
