@@ -75,7 +75,8 @@ int busd_dispatch(busd_bus *bus);
  * signal. */
 int busd_wait(busd_bus *bus, int timeout_ms);
 
-/* 1 while busd knows this process; 0 in its child after a fork. If the connection is lost, the library connects again by itself. */
+/* 1 while busd knows this process; 0 in its child after a fork. If the connection is lost, the library connects again by
+ * itself. */
 int busd_is_connected(const busd_bus *bus);
 
 /* The reason of the last call that failed. Never NULL. */
