@@ -87,6 +87,18 @@ void inbox_add(busd_subscription *sub, struct sample *sample)
         drop(sub, at, MEMORY_LIMIT);
 }
 
+/* Notes the numbers missing before `seq`. */
+static void note_missing(busd_subscription *sub, struct source *source, uint64_t seq, unsigned flags)
+{
+    const bool is_replay = (flags & FLAG_REPLAY) != 0;
+    const uint64_t known = sizes_max(source->last_seq, source->missed_seq);
+    const uint64_t next = is_replay ? known + 1 : sizes_max(known + 1, source->first_seq);
+    const bool is_history = is_replay && known == 0; /* it begins anywhere */
+    if (seq > next && !is_history && (flags & FLAG_RESUMED) == 0 && source->seat == NULL)
+        *(source->is_complete ? &sub->skipped : &sub->perhaps_skipped) += seq - next;
+    source->is_complete = source->is_complete || !is_replay;
+}
+
 /* Adds the samples of a run, without those that came before. `body`: after the frame's first 8 bytes. 0, -EPROTO
  * or -ENOMEM. */
 int inbox_run(busd_subscription *sub, const unsigned char *body, size_t size, unsigned flags)
@@ -98,6 +110,8 @@ int inbox_run(busd_subscription *sub, const unsigned char *body, size_t size, un
     memcpy(&count, body + 16, 4);
     struct source *source = source_find(sub, number);
     size_t at = RUN_HEAD_BYTES - HEAD_BYTES;
+    if (source != NULL && count > 0)
+        note_missing(sub, source, seq, flags);
     for (; count > 0; count--, seq++) {
         int64_t stamp_ns;
         if (size - at < RECORD_BYTES)

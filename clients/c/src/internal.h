@@ -220,9 +220,11 @@ struct source {
     uint64_t taken_seq, acked_seq; /* by socket */
     uint64_t unacked_bytes;
     uint64_t noted;                /* in its rings, see deadlines.c */
+    uint64_t first_seq;            /* at the match: its next number then */
     uint64_t history_end;          /* samples before this are history, which the depth leaves alone */
     bool is_by_ring, is_lossless, is_stale, is_gone;
     bool is_told; /* as in a match */
+    bool is_complete;              /* every number that is missing by socket from now on was dropped by busd */
     /* by ring, while it has a seat */
     struct feed feed;
     struct seat *seat;
@@ -258,6 +260,12 @@ struct busd_subscription {
     uint64_t earlier;                    /* samples of earlier busds: received, or dropped there */
     uint64_t dropped[REASONS];           /* here, and by earlier busds */
     uint64_t dropped_by_busd[REASONS];
+    /* reports.c, by socket from this busd */
+    uint64_t skipped, perhaps_skipped;   /* missing numbers: busd has dropped them; perhaps */
+    uint64_t ahead;                      /* drops that an earlier connection has reported, and whose numbers will be missing */
+    uint64_t unexplained;                /* of `skipped` on the last connection, without a report */
+    uint64_t told[REASONS];              /* drops that this busd has reported on earlier connections */
+    uint64_t explained[REASONS];         /* drops without a report, whose numbers will be missing */
     uint64_t age_count, age_sum_ns, age_max_ns;
 };
 
@@ -555,5 +563,7 @@ void report_due(struct endpoint *end);
 void report_send(busd_bus *bus);
 void report_last(struct endpoint *end);
 void report_dropped(busd_subscription *sub, busd_in body);
+uint64_t count_away(busd_subscription *sub, uint64_t count);
+void reports_lost(busd_subscription *sub);
 
 #endif

@@ -10,6 +10,7 @@
 #define control_send busd__control_send
 #define control_simple busd__control_simple
 #define control_take busd__control_take
+#define count_away busd__count_away
 #define deadline_note busd__deadline_note
 #define deadlines_check busd__deadlines_check
 #define deadlines_look busd__deadlines_look
@@ -71,6 +72,7 @@
 #define report_dropped busd__report_dropped
 #define report_due busd__report_due
 #define report_last busd__report_last
+#define reports_lost busd__reports_lost
 #define report_send busd__report_send
 #define ring_doorbells busd__ring_doorbells
 #define room_announce busd__room_announce

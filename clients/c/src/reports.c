@@ -148,24 +148,83 @@ static void take_missed(busd_subscription *sub, busd_in body)
     report_due(&sub->end);
 }
 
-/* Dropped: busd's totals of the samples that it dropped for a subscription. */
-void report_dropped(busd_subscription *sub, busd_in body)
+/* Reads drops by reason. False: there are none. */
+static bool take_drops(busd_in body, const char *key, uint64_t drops[REASONS])
 {
     busd_in map;
     busd_item head, reason, count;
-    take_missed(sub, body);
-    if (!busd_find(body, "dropped", &map) || !busd_get_item(&map, &head) || head.kind != BUSD_MAP)
-        return;
-    memset(sub->dropped_by_busd, 0, sizeof sub->dropped_by_busd);
+    memset(drops, 0, REASONS * sizeof *drops);
+    if (!busd_find(body, key, &map) || !busd_get_item(&map, &head) || head.kind != BUSD_MAP)
+        return false;
     for (uint64_t left = head.number; left > 0 && busd_get_item(&map, &reason) && busd_get_item(&map, &count); left--) {
         int known = 0;
         if (reason.kind != BUSD_TEXT_ITEM || count.kind != BUSD_UINT)
-            return;
+            break;
         while (known < OTHER
                && (strlen(reason_names[known]) != reason.number
                    || memcmp(reason_names[known], reason.bytes, reason.number) != 0))
             known++;
-        sub->dropped_by_busd[known] += count.number;
+        drops[known] += count.number;
     }
+    return head.number != 0;
+}
+
+/* Drops on earlier connections: they explain numbers that are missing, except for those that were reported then. */
+static void explain(busd_subscription *sub, const uint64_t before[REASONS])
+{
+    for (int i = 0; i < REASONS; i++) {
+        const uint64_t unreported = before[i] > sub->told[i] ? before[i] - sub->told[i] : 0;
+        const uint64_t late = sizes_min(unreported, sub->unexplained); /* they are counted */
+        sub->unexplained -= late;
+        sub->explained[i] = unreported - late;
+        sub->told[i] = before[i];
+    }
+}
+
+/* Dropped: busd's totals of the samples that it dropped for a subscription. */
+void report_dropped(busd_subscription *sub, busd_in body)
+{
+    uint64_t before[REASONS];
+    if (take_drops(body, "before", before))
+        explain(sub, before);
+    take_missed(sub, body);
+    take_drops(body, "dropped", sub->dropped_by_busd);
     report_due(&sub->end);
+}
+
+/* Counts samples that were published while busd or this process was away, except for those whose drop was reported.
+ * Returns how many it counts. */
+uint64_t count_away(busd_subscription *sub, uint64_t count)
+{
+    const uint64_t known = sizes_min(count, sub->ahead);
+    sub->ahead -= known;
+    const uint64_t counted = count -= known;
+    sub->away += counted;
+    for (int i = 0; i < REASONS; i++) {
+        const uint64_t some = sizes_min(count, sub->explained[i]);
+        sub->explained[i] -= some;
+        sub->dropped[i] += some;
+        count -= some;
+    }
+    sub->dropped[DISCONNECTED] += count;
+    return counted;
+}
+
+/* The connection is lost: its drops become earlier ones. */
+void reports_lost(busd_subscription *sub)
+{
+    uint64_t reported = 0;
+    if (sub->end.node->bus->is_new_busd)
+        memset(sub->told, 0, sizeof sub->told);
+    memset(sub->explained, 0, sizeof sub->explained);
+    for (int i = 0; i < REASONS; i++) {
+        sub->dropped[i] += sub->dropped_by_busd[i];
+        sub->told[i] += sub->dropped_by_busd[i];
+        reported += sub->dropped_by_busd[i];
+        sub->dropped_by_busd[i] = 0;
+    }
+    sub->unexplained = count_away(sub, sub->skipped - sizes_min(sub->skipped, reported));
+    sub->ahead += reported - sizes_min(reported, sub->skipped + sub->perhaps_skipped);
+    sub->earlier += sub->received + reported;
+    sub->received = sub->repeated = sub->skipped = sub->perhaps_skipped = 0;
 }

@@ -273,13 +273,7 @@ void lose_connection(busd_bus *bus, const char *reason)
     for (busd_subscription *s = bus->subscriptions; s != NULL; s = s->next) {
         endpoint_gone(&s->end);
         sources_lost(s);
-        for (int i = 0; i < REASONS; i++) {
-            s->dropped[i] += s->dropped_by_busd[i];
-            s->earlier += s->dropped_by_busd[i];
-            s->dropped_by_busd[i] = 0;
-        }
-        s->earlier += s->received;
-        s->received = s->repeated = 0;
+        reports_lost(s);
     }
     services_lost(bus);
     graph_lost(bus);

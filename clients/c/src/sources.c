@@ -111,7 +111,7 @@ void source_leave(busd_subscription *sub, struct source *source)
     source->seat->is_left = true;
     seat_release(source->seat);
     source->seat = NULL;
-    source->is_by_ring = false;
+    source->is_by_ring = source->is_complete = false;
 }
 
 /* Takes back a jump of the numbers of a broken publisher: busd accepts no such number, and the samples never existed. */
@@ -272,10 +272,8 @@ static void count_missed(busd_subscription *sub, struct source *source, uint64_t
     uint64_t known = sizes_max(source_position(source), source->routed_seq);
     if (source->seat != NULL)
         known = sizes_max(known, feed_newest(&source->feed)); /* they wait in its ring */
-    if (last > known) {
-        sub->dropped[DISCONNECTED] += last - known;
-        sub->away += last - known;
-    }
+    if (last > known)
+        count_away(sub, last - known);
     source->missed_seq = sizes_max(source->missed_seq, last);
 }
 
@@ -308,8 +306,9 @@ void subscription_matched(busd_subscription *sub, busd_in body, busd_in qos, con
     source->lifespan_ns = lifespan_s > 0 && lifespan_s < 1e9 ? (uint64_t)(lifespan_s * 1e9) : 0;
     source->is_lossless = sub->end.is_lossless && busd_find_is(qos, "history", "keep_all")
                           && !busd_find_is(qos, "reliability", "best_effort");
-    source->is_stale = source->is_gone = false;
+    source->is_stale = source->is_gone = source->is_complete = false;
     source->acked_seq = 0;
+    source->first_seq = busd_find_number(body, "next_seq", 1);
     if (!busd_find_is(body, "route", "shm") || !bus->shares) {
         by_socket(sub, source, body, qos, is_new);
     } else {
@@ -391,12 +390,12 @@ void subscription_ring(busd_subscription *sub, busd_in body, const int *fds, uns
 void sources_lost(busd_subscription *sub)
 {
     for (struct source *source = sub->sources; source != NULL; source = source->next) {
-        if (source->seat == NULL && source->missed_seq > source->routed_seq && source->routed_seq > source->last_seq) {
-            /* they were queued for us, and the samples after them are counted */
-            sub->dropped[DISCONNECTED] += source->routed_seq - source->last_seq;
-            sub->away += source->routed_seq - source->last_seq;
+        if (source->seat == NULL && source->routed_seq > source->last_seq) { /* they were queued for us */
+            const bool is_later_counted = source->missed_seq > source->routed_seq; /* those after them */
+            *(is_later_counted ? &sub->skipped : &sub->perhaps_skipped) += source->routed_seq - source->last_seq;
         }
         source->before = source->routed_seq = 0;
+        source->is_complete = false;
         source->is_stale = !source->is_gone;
         if (source->is_gone)
             source->number = NO_NUMBER;
