@@ -16,9 +16,11 @@ from bus.wire.layout import DATA, DATA_HEAD, DATA_HEAD_BYTES, LENGTH_BYTES
 from fake_broker import FakeBroker, FakeConnection
 from programs import on_one_loop
 from raw_peer import text
+from semantics import KEEP_ALL
 
-GID = b"the talker's gid"
-SUBSCRIPTION, TALKER = 2, 7
+QOS = QoSProfile(10)
+SIZE = 4000
+SUBSCRIPTION, TALKER, OTHER = 2, 7, 8
 
 
 @pytest.fixture(scope="session")
@@ -39,18 +41,18 @@ async def meet(broker: FakeBroker) -> FakeConnection:
     return connection
 
 
-def match(connection: FakeConnection, next_seq: int) -> None:
-    qos = QoSProfile(10)
+def match(connection: FakeConnection, next_seq: int, qos: QoSProfile = QOS, by: int = TALKER) -> None:
+    gid = bytes([by]) * 16
     connection.send(
-        m.Matched(endpoint=SUBSCRIPTION, other=TALKER, node="/n", gid=GID, qos=qos, next_seq=next_seq)
+        m.Matched(endpoint=SUBSCRIPTION, other=by, node="/n", gid=gid, qos=qos, next_seq=next_seq)
     )
 
 
-def send(connection: FakeConnection, *numbers: int) -> None:
+def send(connection: FakeConnection, *numbers: int, size: int = 0, by: int = TALKER) -> None:
     for number in numbers:
-        body = text(f"{number} ")
+        body = text(f"{number} ".ljust(size))
         length = DATA_HEAD_BYTES - LENGTH_BYTES + len(body)
-        connection.write(DATA_HEAD.pack(length, DATA, 0, 0, SUBSCRIPTION, TALKER, number, 1, 0) + body)
+        connection.write(DATA_HEAD.pack(length, DATA, 0, 0, SUBSCRIPTION, by, number, 1, 0) + body)
 
 
 def report(connection: FakeConnection, dropped: dict[str, int], **more: object) -> None:
@@ -88,7 +90,7 @@ async def test_each_sample_counts_once(
         await connection.close()
         for end in (first + 12, first + 13):
             connection = await meet(broker)
-            missed = {GID: (first, end - 1)} if has_left else {}
+            missed = {bytes([TALKER]) * 16: (first, end - 1)} if has_left else {}
             report(connection, {}, before=before, missed=missed)
             match(connection, end)
             send(connection, end)
@@ -98,3 +100,30 @@ async def test_each_sample_counts_once(
         statistics = await listener.finish()
     assert {key: statistics[key] for key in fates} == fates
     assert (statistics["samples"], statistics["expected"]) == (5, 14)
+
+
+@on_one_loop
+async def test_lossless_messages_stay_in_a_full_queue(
+    broker: FakeBroker, programs: Path, tmp_path: Path
+) -> None:
+    """Above the bound, the oldest of the other messages are dropped, wherever they are in the queue."""
+    most = c_programs.INBOX_BYTES // SIZE
+    kept, count = most * 9 // 10, 2 * most
+    meeting = asyncio.create_task(meet(broker))
+    words = ("listen", "/t", "keep_all", "hold=1", f"late={kept + count}")
+    async with c_programs.peer(programs, tmp_path, *words) as listener:
+        connection = await meeting
+        match(connection, 1, KEEP_ALL)
+        match(connection, count + 1, by=OTHER)
+        send(connection, *range(1, kept // 2), size=SIZE)
+        for number in range(count + 1, 2 * count + 1):
+            send(connection, number, size=SIZE, by=OTHER)
+            if kept // 2 <= number - count <= kept:
+                send(connection, number - count, size=SIZE)
+        await listener.line(f"^{2 * count - 1} ")
+        statistics = await listener.finish()
+    others = [number for number in listener.numbers if number > count]
+    assert [number for number in listener.numbers if number <= count] == [*range(1, kept + 1)]
+    assert others == [*range(2 * count + 1 - len(others), 2 * count + 1)]
+    assert 0 < len(others) <= most - kept
+    assert statistics["lost"] == count - len(others)

@@ -444,7 +444,7 @@ int busd_subscription_create(busd_node *node, const char *topic, const busd_type
     s->callback = callback;
     s->user = user;
     s->depth = s->end.qos.history == BUSD_KEEP_ALL ? 0 : s->end.qos.depth;
-    s->last = &s->first;
+    s->last = s->kept = &s->first;
     bus->has_deadlines |= s->end.qos.deadline_ns > 0;
     if (status < 0) {
         subscription_free(s);

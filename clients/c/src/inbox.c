@@ -43,6 +43,8 @@ static struct sample *take_out(busd_subscription *sub, struct sample **at)
     struct sample *sample = *at;
     if ((*at = sample->next) == NULL)
         sub->last = at;
+    if (sub->kept == &sample->next)
+        sub->kept = at;
     sub->queued--;
     sub->queued_bytes -= sample_bytes(sample);
     sub->queued_replays -= sample->is_replay;
@@ -66,10 +68,9 @@ static bool is_kept(const struct sample *sample) { return sample->source != NULL
 /* The oldest sample that may be lost; NULL: there is none. */
 static struct sample **oldest_lossy(busd_subscription *sub)
 {
-    struct sample **at = &sub->first;
-    while (*at != NULL && is_kept(*at))
-        at = &(*at)->next;
-    return *at == NULL ? NULL : at;
+    while (*sub->kept != NULL && is_kept(*sub->kept))
+        sub->kept = &(*sub->kept)->next;
+    return *sub->kept == NULL ? NULL : sub->kept;
 }
 
 /* Adds a sample. Above the bounds, the oldest samples are dropped. History does not count against the depth. */
@@ -160,6 +161,7 @@ void inbox_forget(busd_subscription *sub, const struct source *source)
     for (struct sample *sample = sub->first; sample != NULL; sample = sample->next)
         if (sample->source == source)
             sample->source = NULL;
+    sub->kept = &sub->first;
 }
 
 void inbox_free(busd_subscription *sub)

@@ -250,7 +250,7 @@ struct busd_subscription {
     uint64_t depth; /* 0: keep all */
     int64_t declared_ns;
     struct source *sources;
-    struct sample *first, **last;
+    struct sample *first, **last, **kept; /* the samples before `*kept` must not be lost */
     struct sample *spare; /* the last one that was released */
     uint64_t queued, queued_bytes, queued_replays;
     uint64_t samples, bytes;
