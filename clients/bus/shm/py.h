@@ -200,6 +200,7 @@ struct Reader {
     uint64_t depth, finishings;
     uint64_t bound; /* of waiting samples: the depth, plus the history of late joins until nothing waits; 0: none */
     bool tells_cursor;
+    unsigned forks;            /* as of a feed_source */
     char takes_held;           /* takes held samples, too */
     PyObject *find_texts;      /* called at the first long payload, for `texts` */
     Plan *texts;               /* of messages that begin with a text; NULL: `decode` alone decodes */
@@ -368,6 +369,9 @@ static inline uint64_t writer_next_stamp(Writer *self, uint64_t stamp_ns)
 
 /* Checks all rings, leaves finished ones, and passes over samples above the depth. */
 int reader_poll(Reader *self);
+/* Whether this process made the reader. Else it is the child of a fork, perhaps of one in a decoder: the slots are the
+ * parent's. */
+static inline bool reader_is_ours(const Reader *self) { return self->forks == core_forks; }
 /* Whether no samples may be taken from the feed for now. */
 static inline bool reader_holds(const Reader *self, const struct feed *feed)
 {

@@ -23,6 +23,7 @@ static PyObject *reader_new(PyTypeObject *type, PyObject *args, PyObject *kwargs
     self->owner = owner;
     self->depth = self->bound = depth;
     self->tells_cursor = tells_cursor;
+    self->forks = core_forks;
     self->rejected = PyList_New(0);
     self->left = PyList_New(0);
     if (self->rejected != NULL && self->left != NULL)

@@ -286,6 +286,8 @@ static int spin(Readers *self, uint64_t spin_ns)
         Py_END_ALLOW_THREADS
         if (PyErr_CheckSignals() < 0)
             return -1;
+        if (self->doorbell < 0)
+            return 0; /* closed by the handler of a signal, perhaps in the child of a fork */
     }
 }
 
@@ -307,6 +309,11 @@ static PyObject *readers_sleep(PyObject *object, PyObject *const *args, Py_ssize
         status = collect(self, owners);
     if (status == 0 && spin_ns != 0 && PyList_Size(owners) == 0)
         status = spin(self, spin_ns);
+    if (self->doorbell < 0) { /* closed: the bell may be the parent's */
+        if (status < 0)
+            Py_CLEAR(owners);
+        return owners;
+    }
     if (status == 1)
         status = collect(self, owners);
     if (status == 0 && PyList_Size(owners) == 0) {

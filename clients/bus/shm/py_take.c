@@ -17,7 +17,7 @@ enum { AGES_AT_ONCE = 64, AGES_EACH = 32 }; /* as in bus.delivery.ages */
 struct feed *reader_oldest(Reader *self)
 {
     struct feed *oldest = NULL;
-    for (size_t i = 0; i < self->count; i++) {
+    for (size_t i = 0; i < self->count && reader_is_ours(self); i++) {
         struct feed *feed = self->feeds[i];
         if (feed->waiting == 0 || reader_holds(self, feed))
             continue;
@@ -37,7 +37,7 @@ struct feed *reader_oldest(Reader *self)
 int reader_poll(Reader *self)
 {
     uint64_t waiting = 0;
-    for (size_t i = 0; i < self->count; i++) {
+    for (size_t i = 0; i < self->count && reader_is_ours(self); i++) {
         struct feed *feed = self->feeds[i];
         feed_poll(feed, self->bound);
         const bool is_sound = feed_is_sound(feed);
@@ -225,7 +225,7 @@ static int take_one(Reader *self, struct feed *feed, PyObject *decode, uint64_t 
 
 void reader_show(Reader *self)
 {
-    for (size_t i = 0; i < self->count; i++) {
+    for (size_t i = 0; i < self->count && reader_is_ours(self); i++) {
         readers_watch_anew(self->readers, self->feeds[i]);
         if (self->tells_cursor && feed_show_cursor(self->feeds[i]))
             source_ring(self->feeds[i]);
