@@ -244,6 +244,33 @@ def test_an_answer_without_room_follows_later(
     assert not outcomes
 
 
+@pytest.mark.parametrize("is_early", [False, True])
+def test_of_too_many_requests_the_oldest_is_refused(
+    world: World, server: Node, client: Client, monkeypatch: pytest.MonkeyPatch, is_early: bool
+) -> None:
+    """They may come before `create_service` has returned."""
+    monkeypatch.setattr(rclpy.service, "MOST_WAITING", 1)
+    service = server.create_service(AddTwoInts, "add", lambda request, response: response)
+    assert client.wait_for_service(timeout_sec=WAIT_S)
+    native = service.native
+    if is_early:
+        del service.native
+        service.is_queued = True
+    oldest, newest = client.call_async(asked(1)), client.call_async(asked(2))
+    wait_until(lambda: native.statistics().requests == 2)
+    if is_early:
+        with service._guard:
+            service.begin(native)
+            service.notify()
+    with world.spinning(server):
+        world.spin_until(newest.done)
+    assert newest.result().sum == 0
+    assert oldest.done() is not is_early
+    if not is_early:
+        with pytest.raises(ServiceError, match="too many requests wait"):
+            oldest.result()
+
+
 def test_a_server_that_raises(world: World, server: Node, client: Client) -> None:
     """The exception leaves the server's spin, and the client gets the error."""
 

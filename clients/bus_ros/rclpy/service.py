@@ -91,7 +91,8 @@ class BaseService(Introspected, Destroyable):
     def _refuse(self, request_id: RequestId, error: Exception) -> None:
         """Answer with an error; in ROS the client would wait for ever."""
         with self._guard:
-            if not self.is_destroyed:  # the callback may have destroyed it
+            # The callback may have destroyed it. A flood of requests may come before it is open.
+            if not self.is_destroyed and hasattr(self, "native"):
                 self.native._refuse(request_id, error)
 
     def _respond(self, request_id: RequestId, response: object) -> None:
