@@ -34,6 +34,8 @@ _MOST_AT_ONCE: Final = 100
 _MOST_AT_WORK: Final = 10_000
 """Most unanswered requests that the server keeps, and most answers that wait for room. Older ones are
 lost."""
+_LATE_BYTES: Final = 64 << 20
+"""Most bytes of answers that wait for room."""
 _MOST_LOST: Final = 1000
 """Most dead clients that the server keeps; it carries out requests of earlier ones."""
 
@@ -58,6 +60,40 @@ class _Answer(NamedTuple):
     request_id: RequestId
     payload: bytes
     is_error: bool
+
+
+class _LateAnswers:
+    """Answers that wait for room, in their order. Above the bounds, the oldest ones are lost."""
+
+    def __init__(self) -> None:
+        self._answers: deque[_Answer] = deque()
+        self._bytes = 0
+
+    def __len__(self) -> int:
+        return len(self._answers)
+
+    @property
+    def oldest(self) -> _Answer:
+        return self._answers[0]
+
+    def put(self, answer: _Answer) -> list[_Answer]:
+        """Add an answer; returns the lost ones."""
+        self._answers.append(answer)
+        self._bytes += len(answer.payload)
+        lost = []
+        while len(self._answers) > _MOST_AT_WORK or (self._bytes > _LATE_BYTES and len(self._answers) > 1):
+            lost.append(self.pop())
+        return lost
+
+    def pop(self) -> _Answer:
+        """Remove the oldest answer."""
+        answer = self._answers.popleft()
+        self._bytes -= len(answer.payload)
+        return answer
+
+    def clear(self) -> None:
+        self._answers.clear()
+        self._bytes = 0
 
 
 class ServiceServerStatistics(msgspec.Struct, frozen=True):
@@ -118,8 +154,8 @@ class ServiceServer(ServiceBase):
         self._lost: dict[bytes, None] = {}
         """Gids of clients that have died, the latest last."""
         self._at_work: dict[RequestId, None] = {}
-        self._late: deque[_Answer] = deque()
-        """Answers that wait for room, in their order; `_sending` publishes them."""
+        self._late = _LateAnswers()
+        """Answers that wait for room; `_sending` publishes them."""
         self._sending: asyncio.Task[None] | None = None
         if (callback is None) is (on_request is None):
             raise TypeError("a service needs either a callback or on_request")
@@ -246,10 +282,9 @@ class ServiceServer(ServiceBase):
 
     def _keep(self, answer: _Answer) -> None:
         """Publish an answer as soon as there is room, after the earlier ones."""
-        if len(self._late) >= _MOST_AT_WORK:
-            self._at_work.pop(self._late.popleft().request_id, None)
+        for lost in self._late.put(answer):
+            self._at_work.pop(lost.request_id, None)
             self._count_refused(1)
-        self._late.append(answer)
         if self._sending is None:
             # Not always the running loop: see bus_ros.engine.
             self._sending = core_of(self._replies).link.loop.create_task(
@@ -260,8 +295,8 @@ class ServiceServer(ServiceBase):
         try:
             while self._late:
                 await self.wait_for_room()
-                while self._late and self._publish_or_refuse(self._late[0]):
-                    self._late.popleft()
+                while self._late and self._publish_or_refuse(self._late.oldest):
+                    self._late.pop()
         except ConnectionClosed:
             self._late.clear()
         finally:

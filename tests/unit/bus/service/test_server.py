@@ -134,8 +134,11 @@ async def test_the_error_of_a_callback_waits_for_room(
     assert world.answers == [(1, "ZeroDivisionError: by design", None)]
 
 
-async def test_so_many_answers_may_wait_and_the_oldest_is_lost_first(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "_MOST_AT_WORK", 2)
+@pytest.mark.parametrize(("bound", "most"), [("_MOST_AT_WORK", 2), ("_LATE_BYTES", 60)])
+async def test_so_many_answers_may_wait_and_the_oldest_is_lost_first(
+    monkeypatch: pytest.MonkeyPatch, bound: str, most: int
+) -> None:
+    monkeypatch.setattr(module, bound, most)
     world = World(monkeypatch, lambda request: said("a"))
     for number in (1, 2, 3):
         world.ask(number)
