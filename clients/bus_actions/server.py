@@ -110,10 +110,8 @@ class ServerGoal:
     def publish_feedback(self, feedback: Any) -> None:
         """Publish feedback to the clients, as `yield` of a Feedback does.
 
-        Raises MessageTypeError for another class, LocalProtocolError after the goal's end.
+        Publishes nothing after the goal's end. Raises MessageTypeError for another class.
         """
-        if not self.is_active:
-            raise LocalProtocolError(f"goal {self.id.hex()} has ended: it has no more feedback")
         self._server._publish_feedback(self, feedback)
 
     def succeed(self, result: Any = None) -> None:
@@ -125,7 +123,11 @@ class ServerGoal:
         self._end(GoalEvent.SUCCEED, result)
 
     def abort(self, result: Any = None) -> None:
-        """End it as aborted. Arguments and errors as in `succeed`."""
+        """End it as aborted. Arguments and errors as in `succeed`.
+
+        May be called outside `execute`, too. This does not stop `execute`: the goal stays aborted, and its
+        clients get the result when `execute` has ended.
+        """
         self._end(GoalEvent.ABORT, result)
 
     def canceled(self, result: Any = None) -> None:
@@ -513,7 +515,7 @@ class ActionServer:
                 f"what execute of action '{self.name}' yields must be a {self._support.feedback.__name__} or "
                 f"a {self._support.result.__name__}, not {type(feedback).__name__}"
             )
-        if self._ends is None:
+        if self._ends is None or not goal.is_active:
             return
         message = self._support.feedback_message(goal_id=self._support.goal_id(goal.id), feedback=feedback)
         self._ends.feedback.publish(message)

@@ -192,6 +192,32 @@ async def test_what_becomes_of_a_goal_whose_execution_gives_no_result_or_raises(
     assert [str(error) for error in world.server_node.errors] == ["no"]
 
 
+@pytest.mark.parametrize("given", [None, Count.Result(reached=7)])
+async def test_a_goal_aborted_from_outside_stays_aborted_while_execute_runs_on(given: Any) -> None:
+    world = ActionWorld()
+    goes_on = asyncio.Event()
+
+    async def execute(goal: ServerGoal) -> AsyncGenerator[Any, None]:
+        await goes_on.wait()
+        yield Count.Feedback(current=1)
+        goal.publish_feedback(Count.Feedback(current=2))
+        yield Count.Result(reached=3)
+
+    async with world.server(Count, execute) as server, world.client(Count) as client:
+        goal = await send(client)
+        await turns()
+        server.goals[0].abort(given)
+        await turns()
+        assert goal.status is GoalStatus.ABORTED and not goal.is_done
+        goes_on.set()
+        with pytest.raises(GoalAborted) as caught:
+            await goal.result()
+        assert caught.value.result.reached == (7 if given else 3)
+        assert [feedback async for feedback in goal] == []
+        assert server.statistics().feedback == 0
+    assert world.server_node.errors == []
+
+
 async def test_a_canceled_goal_ends_as_canceled_with_what_was_done_until_then() -> None:
     world = ActionWorld()
     async with world.server(Count, wait) as server, world.client(Count) as client:
