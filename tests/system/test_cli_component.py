@@ -45,6 +45,28 @@ class BreaksLate(Node):
         self.lens
         super().destroy_node()
 """
+# Another thread makes a node while a constructor runs that will fail.
+AT_ONCE = """
+from threading import Event, Thread
+from rclpy.node import Node
+
+wanted, made = Event(), Event()
+nodes = []
+
+def make():
+    wanted.wait()
+    nodes.append(Node("bystander"))
+    made.set()
+
+Thread(target=make, daemon=True).start()
+
+class Fails(Node):
+    def __init__(self):
+        super().__init__("fails")
+        wanted.set()
+        made.wait()
+        raise ValueError("no lens")
+"""
 # A node with the services of a container that never answers.
 SILENT = """
 import asyncio, bus
@@ -139,6 +161,13 @@ def test_what_can_not_be_loaded(container: Running) -> None:
     assert bus("node", "list").out == f"{CONTAINER}\n"
     for words in ("-p text", "--log-level loud", "--log-level 256"):
         assert bus("component", "load", CONTAINER, "parts", "parts:Talker", *words.split()).code == 2
+
+
+def test_a_failed_load_leaves_nodes_of_other_threads(container: Running, tmp_path: Path) -> None:
+    (tmp_path / "at_once.py").write_text(AT_ONCE)
+    result = bus("component", "load", CONTAINER, "at_once", "at_once:Fails")
+    assert result.err.startswith("Failed to load component: ValueError: no lens")
+    assert bus("node", "list").out == f"{CONTAINER}\n/bystander\n"
 
 
 def test_no_container(daemon: object) -> None:

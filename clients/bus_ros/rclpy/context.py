@@ -2,10 +2,10 @@
 
 import sys
 from collections.abc import Callable, Sequence
-from threading import Lock, Thread
+from threading import Lock, Thread, get_ident
 from types import TracebackType
 from typing import Protocol
-from weakref import WeakSet
+from weakref import WeakKeyDictionary, WeakSet
 
 from bus.errors import ConfigurationError
 from bus.logger import configure, get_logger
@@ -45,7 +45,7 @@ class Context:
         """As given to `init`; None: from the environment."""
         self._callbacks: list[Callable[[], object]] = []
         self._sleepers: WeakSet[engines.Sleeper] = WeakSet()
-        self._nodes: WeakSet[_Node] = WeakSet()
+        self._nodes: WeakKeyDictionary[_Node, int] = WeakKeyDictionary()  # with their threads
         self._runners: WeakSet[_Runner] = WeakSet()
         self._is_destroyed = False
         self._handle: Handle | None = None
@@ -153,10 +153,15 @@ class Context:
 
     def nodes(self) -> list[_Node]:
         """Existing nodes that were made in it."""
-        return list(self._nodes)
+        # Not by iteration, which another thread may disturb.
+        return [node for one in self._nodes.keyrefs() if (node := one()) is not None]
+
+    def nodes_of_this_thread(self) -> set[_Node]:
+        """Existing nodes that the calling thread made in it."""
+        return {node for node in self.nodes() if self._nodes[node] == get_ident()}
 
     def track_node(self, node: _Node) -> None:
-        self._nodes.add(node)
+        self._nodes[node] = get_ident()
 
     def notify_at_end(self, runner: _Runner) -> None:
         """Call its `context_ended` at the end; it is not kept alive."""

@@ -41,11 +41,11 @@ class ComponentManager(Node):
 
     def _load(self, request: Any, response: Any) -> Any:
         self.get_logger().info(f"Load component: {request.plugin_name} of package {request.package_name}")
-        before = set(self.context.nodes())
+        before = self.context.nodes_of_this_thread()
         try:
             component = _make(request)
         except (Exception, SystemExit) as error:  # of the component's module or constructor
-            for node in set(self.context.nodes()) - before:
+            for node in self.context.nodes_of_this_thread() - before:
                 if isinstance(node, Node):
                     # Not its class's own: that may need what the constructor did not make.
                     Node.destroy_node(node)
