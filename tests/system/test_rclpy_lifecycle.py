@@ -333,6 +333,28 @@ def test_services_refuse(node: Recorder, caller: Caller) -> None:
     assert caller.change(label="configure")
 
 
+@pytest.mark.parametrize("wrong", [{"id": 1}, {"id": 10}, {"id": 12}, {"label": "transition_success"}])
+def test_a_request_during_a_transition_does_not_end_it(
+    world: World, capfd: pytest.CaptureFixture[str], wrong: dict[str, Any]
+) -> None:
+    """The services may be served during the callback, by another thread or a nested spin."""
+    answers: list[bool] = []
+
+    class Asked(Recorder):
+        def on_configure(self, state: State) -> TransitionCallbackReturn:
+            answers.append(outside.change(**wrong))
+            return SUCCESS
+
+    node = Asked()
+    world.keep(node)
+    outside = Caller(world, node)
+    assert node.trigger_configure() is SUCCESS
+    assert answers == [False]
+    assert node.state == "inactive"
+    number = wrong.get("id", 10)
+    assert f"No transition matching {number} found for current state configuring" in capfd.readouterr().err
+
+
 def test_events(world: World, node: Recorder) -> None:
     listener = world.node("listener")
     heard: list[Any] = []

@@ -192,7 +192,7 @@ class LifecycleNodeMixin(ManagedEntity):
         machine = self._state_machine
         state_id, label = machine.current_state
         before = LifecycleState(label=label, state_id=state_id)
-        machine.trigger_transition_by_id(transition_id)
+        machine.begin_transition_by_id(transition_id)
         result = yield from self.__call_back(before)
         machine.trigger_transition_by_label(result.to_label())
         if result is TransitionCallbackReturn.ERROR:

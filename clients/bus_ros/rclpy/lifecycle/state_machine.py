@@ -43,6 +43,8 @@ STATES: Final = {
     15: "errorprocessing",
 }
 """Labels of states."""
+_FIRST_BETWEEN: Final = 10
+"""From this number on: states between two others, while a callback runs."""
 
 TRANSITIONS: Final = (
     Transition(1, "configure", 1, 10),
@@ -114,6 +116,10 @@ class LifecycleStateMachine:
             raise RCLError("Failed to get transition from label")
         return found.id
 
+    def begin_transition_by_id(self, transition_id: int) -> None:
+        """As `trigger_transition_by_id`, but ends no transition under way: only its callback's result may."""
+        self._go(self._find(transition_id, ends=False), True)
+
     def trigger_transition_by_id(self, transition_id: int, publish_notification: bool = True) -> None:
         """Go to its goal. Raises RCLError if it does not start at the current state."""
         self._go(self._find(transition_id), publish_notification)
@@ -122,8 +128,8 @@ class LifecycleStateMachine:
         """Go to its goal. Raises RCLError if it does not start at the current state."""
         self._go(self._find(label), publish_notification)
 
-    def _find(self, wanted: int | str) -> Transition | None:
-        for one in TRANSITIONS:
+    def _find(self, wanted: int | str, *, ends: bool = True) -> Transition | None:
+        for one in TRANSITIONS if ends or self._state < _FIRST_BETWEEN else ():
             if one.start == self._state and wanted in (one.id, one.label):
                 return one
         self._warn(f"No transition matching {wanted} found for current state {STATES[self._state]}")

@@ -82,6 +82,11 @@ def test_every_id_in_every_state(warned: list[str]) -> None:
     for state in STATES:
         for number in range(256):
             machine = at(state, warn=warned.append)
+            if (state, number) not in by_id or state >= 10:
+                with pytest.raises(RCLError, match=NOT_REGISTERED):
+                    machine.begin_transition_by_id(number)
+                assert machine.current_state[0] == state
+                warned.pop()
             if expected := by_id.get((state, number)):
                 machine.trigger_transition_by_id(number, False)  # otherwise it would call print
                 assert machine.current_state[0] == expected.goal
