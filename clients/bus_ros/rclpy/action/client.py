@@ -5,7 +5,7 @@ Owns: the futures of goals, results and cancellations, and the program's callbac
 
 import uuid
 import weakref
-from collections import Counter, deque
+from collections import Counter, OrderedDict, deque
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
@@ -38,6 +38,8 @@ __all__ = ["ActionClient", "ClientGoalHandle", "GoalStatus"]  # noqa: F822 - mad
 _LEFT: Final = "its server has left before it answered"
 _LOST: Final = "busd, or a connection to it, has ended meanwhile, and the request or its answer is lost"
 _UNKNOWN: Final = int(State.UNKNOWN)
+_MOST_ENDED: Final = 100
+"""The most feedback callbacks kept of ended goals without a result: their last feedback may still arrive."""
 _ENDS: Final = frozenset(int(state) for state in State if state.is_end)
 
 
@@ -125,6 +127,7 @@ class ActionClient(ActionEntity):
         self._support: ActionSupport = action_support(action_type)
         self._goal_handles: dict[bytes, weakref.ref[ClientGoalHandle]] = {}
         self._feedback_callbacks: dict[bytes, Callable[[Any], Any]] = {}
+        self._ended: OrderedDict[bytes, None] = OrderedDict()  # goals whose callback is kept nevertheless
         self._pending_goal_requests: dict[int, tuple[Future[Any], Any, bytes]] = {}
         self._unanswered: Counter[bytes] = Counter()  # the same goals
         self._early_feedback: dict[bytes, deque[Any]] = {}  # of goals without an answer yet
@@ -264,6 +267,8 @@ class ActionClient(ActionEntity):
         if (pending := self._drop(self._ends.goal, self._pending_goal_requests, future)) is not None:
             self._count_answer(pending[2])
             self._hand_early_feedback(pending[2])
+            if pending[2] in self._feedback_callbacks:  # its goal may have been refused
+                self._note_end(pending[2])
 
     # --- inside, under the guard
 
@@ -361,7 +366,7 @@ class ActionClient(ActionEntity):
 
     def _answer_goal(self, future: Future[Any], goal_id: Any, key: bytes, outcome: Any) -> None:
         if isinstance(outcome, BusError):
-            self._feedback_callbacks.pop(key, None)
+            self._forget_feedback(key)
             future.set_exception(outcome)
             return
         goal_handle = ClientGoalHandle(self, goal_id, outcome)
@@ -374,7 +379,7 @@ class ActionClient(ActionEntity):
                 while (taken := self._ends.status._receiver.take()) is not None:
                     self._apply_status(taken[0])
         else:
-            self._feedback_callbacks.pop(key, None)
+            self._forget_feedback(key)
         future.set_result(goal_handle)
 
     def _finish_cancel(self, number: int, outcome: Any) -> None:
@@ -383,14 +388,16 @@ class ActionClient(ActionEntity):
 
     def _finish_result(self, number: int, outcome: Any) -> None:
         if (pending := self._pending_result_requests.pop(number, None)) is not None:
-            self._feedback_callbacks.pop(bytes(pending[1].uuid), None)
+            self._forget_feedback(bytes(pending[1].uuid))
             _finish(pending[0], outcome)
 
     def _apply_status(self, message: Any) -> None:
-        if not self._goal_handles:
+        if not self._goal_handles and len(self._ended) == len(self._feedback_callbacks):
             return
         for one in message.status_list:
             key = one.goal_info.goal_id.uuid
+            if key in self._feedback_callbacks and one.status in _ENDS:
+                self._note_end(key)
             reference = self._goal_handles.get(key)
             if reference is None:
                 continue
@@ -399,6 +406,17 @@ class ActionClient(ActionEntity):
                 goal_handle._status = one.status
             if goal_handle is None or one.status in _ENDS:
                 del self._goal_handles[key]
+
+    def _note_end(self, key: bytes) -> None:
+        """Keep the goal's feedback callback only until a number of others have ended."""
+        self._ended[bytes(key)] = None
+        if len(self._ended) > _MOST_ENDED:
+            oldest, _ = self._ended.popitem(last=False)
+            self._feedback_callbacks.pop(oldest, None)
+
+    def _forget_feedback(self, key: bytes) -> None:
+        self._feedback_callbacks.pop(key, None)
+        self._ended.pop(key, None)
 
     # --- inside, without the guard
 
