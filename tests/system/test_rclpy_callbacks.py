@@ -1,6 +1,7 @@
 """Callbacks in the facade's executors: nested calls, mutual exclusion, and other work while one runs."""
 
 import threading
+from functools import partial
 from typing import Any
 
 import pytest
@@ -138,6 +139,44 @@ class TestCallbacks:
             assert executor.called is None and not guard.is_closed
             guard.trigger()
             wait_until(lambda: len(calls) == 2)
+
+    @pytest.mark.parametrize("last", ["older", "newer"])
+    def test_the_end_of_a_call_in_another_thread_lets_no_nested_spin_enter_its_callback_again(
+        self, world: World, node: Node, last: str
+    ) -> None:
+        """Two threads spin; the callback that ends last has spun in it after the end of the other."""
+        began = {"older": threading.Event(), "newer": threading.Event()}
+        ended = threading.Event()
+        told: list[str] = []
+
+        def call(name: str) -> None:
+            told.append(name)
+            began[name].set()
+            if told.count(name) > 1:
+                return
+            began["newer"].wait(WAIT_S)
+            if name == last:
+                ended.wait(WAIT_S)
+                guards[name].trigger()
+                executor.spin_once(timeout_sec=0)
+                told.append("spun")
+
+        def spin_once() -> None:
+            executor.spin_once(timeout_sec=WAIT_S)
+            ended.set()
+
+        guards = {
+            name: node.create_guard_condition(partial(call, name), MutuallyExclusiveCallbackGroup())
+            for name in began
+        }
+        executor = world.executor(node)
+        guards["older"].trigger()
+        with in_thread(spin_once):
+            began["older"].wait(WAIT_S)
+            guards["newer"].trigger()
+            spin_once()
+        executor.spin_once(timeout_sec=0)
+        assert told == ["older", "newer", "spun", last]
 
     def test_a_nested_spin_in_a_reentrant_group_enters_it_again(self, world: World, node: Node) -> None:
         depth: list[int] = []

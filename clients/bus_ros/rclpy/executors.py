@@ -421,10 +421,14 @@ class Executor:
 class SingleThreadedExecutor(Executor):
     """Makes the calls in the spinning thread."""
 
-    called: Ready | None = None  # its callback runs: another spin is nested in it (with one spinning thread)
+    called: Ready | None = None  # its callback runs: another spin may be nested in it
+
+    def __init__(self, *, context: Context | None = None) -> None:
+        super().__init__(context=context)
+        self._beside: list[Ready] = []  # called while `called` is: by nested spins, and in other threads
 
     def _spin_once(self, deadline_ns: int, most: int, until: Callable[[], bool] | None = None) -> None:
-        if self.called is not None and spin_nested(self, deadline_ns, most, until):
+        if (self.called is not None or self._beside) and spin_nested(self, deadline_ns, most, until):
             return
         loop = self._engine.loop
         with loop.guard:
@@ -440,11 +444,18 @@ class SingleThreadedExecutor(Executor):
         if found is None:
             return
         if is_plain:
-            self.called = entity
+            is_first = self.called is None
+            if is_first:
+                self.called = entity
+            else:
+                self._beside.append(entity)
             try:
                 result = function(*arguments)
             finally:
-                self.called = None
+                if is_first:
+                    self.called = None
+                else:
+                    self._beside.pop()  # not always this one: only their number matters
             if not entity.is_async or not isinstance(result, CoroutineType):
                 return
             with loop:

@@ -56,15 +56,15 @@ def put_in_order(ready: deque[Any]) -> None:
 
 
 def spin_nested(executor: Any, *args: Any) -> bool:
-    """Spin in the callback of `executor.called`, without a second call of it: the entity waits in its queue.
+    """Spin in a callback of the executor, without a second call of it: the entity waits in its queue.
 
-    Returns False, and does not spin, if the entity may get calls, or waits already. Entities of reentrant
-    groups, actions and clients may get several calls at a time. So may all if another thread makes the call.
+    Returns False, and does not spin, if this thread is in none of its callbacks, or the entity may get calls,
+    or waits already. Entities of reentrant groups, actions and clients may get several calls at a time.
     """
-    entity, engine = executor.called, executor._engine
-    if entity is None or not entity.rank or entity.held_group is None:  # None: it has just ended
+    entity, engine = _entity_called_here(executor), executor._engine
+    if entity is None or entity.held_group is None or not entity.rank:
         return False
-    if not entity.is_exclusive or entity.is_closed or not _is_calling(executor):
+    if not entity.is_exclusive or entity.is_closed:
         return False
     with engine.loop:
         entity.is_closed = True
@@ -73,7 +73,6 @@ def spin_nested(executor: Any, *args: Any) -> bool:
         executor._spin_once(*args)
         return True
     finally:
-        executor.called = entity
         with engine.loop:
             entity.is_closed = False
             engine.held -= 1
@@ -81,13 +80,18 @@ def spin_nested(executor: Any, *args: Any) -> bool:
                 engine.passed_over.pop().wake_up()
 
 
-def _is_calling(executor: Any) -> bool:
-    """Whether this thread is in a call of the executor. To note the thread of each call would cost more."""
+def _entity_called_here(executor: Any) -> Any:
+    """The entity whose callback of the executor runs innermost in this thread; None if none does.
+
+    To note the thread of each call would cost more.
+    """
     spin = sys._getframe(2)  # of `_spin_once`, which called `spin_nested`
     frame = spin.f_back
-    while frame is not None and (frame.f_code is not spin.f_code or frame.f_locals["self"] is not executor):
+    while frame is not None:
+        if frame.f_code is spin.f_code and frame.f_locals["self"] is executor and "entity" in frame.f_locals:
+            return frame.f_locals["entity"]
         frame = frame.f_back
-    return frame is not None
+    return None
 
 
 @contextmanager
