@@ -251,7 +251,11 @@ class Receiver(Generic[M]):
                 if self.reader is None:
                     return None
                 at_once = limit if self._queue.depth or is_most else _MOST_AT_ONCE
-                batch = self.reader.take(at_once, self._decode)
+                try:
+                    batch = self.reader.take(at_once, self._decode)
+                except BaseException:  # such as KeyboardInterrupt in the decoder
+                    ahead += self.reader.pop_interrupted()
+                    raise
                 if self.reader.undecodable != self._rejected:
                     self._reject_from_rings(self.reader)
                 elif not batch:
@@ -275,15 +279,19 @@ class Receiver(Generic[M]):
         ahead, runs, reader = self.ahead, self._queue.runs, self.reader
         found: list[Taken[M]] = []
         # Decoded samples that are left over could not be taken packed.
-        while (left := limit - len(found)) > 0 and (taken := self.take(left, is_most=True)) is not None:
-            found.append(taken)
-            if len(ahead) < left:
-                found += ahead
-                ahead.clear()
-                if not runs and (reader is None or not reader.waiting()):
-                    break  # `take` would find out the same, in more steps
-            else:
-                found += [ahead.popleft() for _ in range(left - 1)]
+        try:
+            while (left := limit - len(found)) > 0 and (taken := self.take(left, is_most=True)) is not None:
+                found.append(taken)
+                if len(ahead) < left:
+                    found += ahead
+                    ahead.clear()
+                    if not runs and (reader is None or not reader.waiting()):
+                        break  # `take` would find out the same, in more steps
+                else:
+                    found += [ahead.popleft() for _ in range(left - 1)]
+        except BaseException:
+            ahead.extendleft(reversed(found))
+            raise
         return found
 
     def take_packed(
@@ -311,7 +319,11 @@ class Receiver(Generic[M]):
             return self._take_from_run(limit)
         if self.reader is None:
             return []
-        batch = self.reader.messages(limit, self._decode)
+        try:
+            batch = self.reader.messages(limit, self._decode)
+        except BaseException:
+            self.put_back(self.reader.pop_interrupted())
+            raise
         if self.reader.undecodable != self._rejected:
             self._reject_from_rings(self.reader)
         return batch
@@ -445,6 +457,9 @@ class Receiver(Generic[M]):
         except Exception as error:  # a message class may raise anything
             self._reject([(size, error)])
             return None
+        except BaseException:
+            self.drop(DropReason.UNDECODABLE, 1)
+            raise
         self._samples += 1
         self._bytes += size
         if self._samples >= self._age_due:
@@ -497,6 +512,9 @@ class Receiver(Generic[M]):
                 ahead.append((decode(payload), stamp_ns, seq, run.origin, run.received_ns))
             except Exception as error:
                 rejected.append((size, error))
+            except BaseException:  # the run stays, and all of it is decoded again
+                ahead.clear()
+                raise
         else:
             queue.advance(number, offset)
             size = offset - begin - number * RECORD_HEAD_BYTES

@@ -422,6 +422,8 @@ class Reader(Generic[S]):
         """
     def pop_rejected(self) -> list[tuple[int, Exception]]:
         """Size and error of the samples that `decode` refused since the last call."""
+    def pop_interrupted(self) -> list[Any]:
+        """Messages that the last `take` or `messages` had taken before it raised an error."""
     def pop_ages(self) -> tuple[int, int, int, tuple[int, ...]]:
         """Ages of samples taken since the last call, in ns: their number, their sum, the highest. And how
         many each part of a histogram has (`bus.base.time_parts`), up to the last one used."""

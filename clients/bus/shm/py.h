@@ -210,6 +210,7 @@ struct Reader {
     uint64_t most_missed;      /* the same: the most samples replaced between two taken ones of a feed */
     uint64_t lost_reported;    /* lost samples that the owner has been told */
     PyObject *rejected, *left; /* lists */
+    PyObject *interrupted;     /* a list: messages of a batch that an error has ended */
     struct prepared prepared;  /* callback NULL: the owner calls back */
     char is_busy;              /* a call is in progress or about to continue: calls never overlap */
     char is_report_due;        /* the owner has been told that its counters have changed */

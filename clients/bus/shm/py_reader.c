@@ -26,7 +26,8 @@ static PyObject *reader_new(PyTypeObject *type, PyObject *args, PyObject *kwargs
     self->forks = core_forks;
     self->rejected = PyList_New(0);
     self->left = PyList_New(0);
-    if (self->rejected != NULL && self->left != NULL)
+    self->interrupted = PyList_New(0);
+    if (self->rejected != NULL && self->left != NULL && self->interrupted != NULL)
         return (PyObject *)self;
     DROP(self);
     return NULL;
@@ -52,6 +53,7 @@ static int reader_clear(PyObject *object)
     Py_CLEAR(self->owner);
     Py_CLEAR(self->rejected);
     Py_CLEAR(self->left);
+    Py_CLEAR(self->interrupted);
     Py_CLEAR(self->find_texts);
     forget_callback(self);
     return 0;
@@ -64,6 +66,7 @@ static int reader_traverse(PyObject *object, visitproc visit, void *arg)
     Py_VISIT(self->owner);
     Py_VISIT(self->rejected);
     Py_VISIT(self->left);
+    Py_VISIT(self->interrupted);
     Py_VISIT(self->find_texts);
     Py_VISIT(self->prepared.callback);
     Py_VISIT(self->prepared.decode);
@@ -306,6 +309,11 @@ static PyObject *reader_pop_rejected(PyObject *object, PyObject *Py_UNUSED(none)
     return pop(&((Reader *)object)->rejected);
 }
 
+static PyObject *reader_pop_interrupted(PyObject *object, PyObject *Py_UNUSED(none))
+{
+    return pop(&((Reader *)object)->interrupted);
+}
+
 static PyObject *reader_pop_left(PyObject *object, PyObject *Py_UNUSED(none))
 {
     return pop(&((Reader *)object)->left);
@@ -433,6 +441,7 @@ static PyMethodDef methods[] = {
     {"take_merged", (PyCFunction)(void (*)(void))reader_take_merged, METH_FASTCALL, NULL},
     {"wait", (PyCFunction)(void (*)(void))reader_wait, METH_FASTCALL, NULL},
     {"pop_rejected", reader_pop_rejected, METH_NOARGS, NULL},
+    {"pop_interrupted", reader_pop_interrupted, METH_NOARGS, NULL},
     {"pop_left", reader_pop_left, METH_NOARGS, NULL},
     {"pop_ages", reader_pop_ages, METH_NOARGS, NULL},
     {0},

@@ -104,13 +104,13 @@ static PyObject *fetch(Reader *self, struct feed *feed, int64_t *source_ns)
     return NULL;
 }
 
-/* Handles an error of decode(): keeps and counts an error of the sample; passes on any other (KeyboardInterrupt). */
+/* Handles an error of decode(): counts the sample; keeps its error, but passes on any other (KeyboardInterrupt). */
 static int reject(Reader *self, uint64_t size)
 {
     PyObject *type, *error, *traceback;
+    self->undecodable++;
     if (!PyErr_ExceptionMatches(PyExc_Exception))
         return -1;
-    self->undecodable++;
     PyErr_Fetch(&type, &error, &traceback);
     PyErr_NormalizeException(&type, &error, &traceback);
     PyException_SetTraceback(error, Py_None); /* its frames would keep the sample */
@@ -264,9 +264,15 @@ static PyObject *take(Reader *self, PyObject *const *args, Py_ssize_t count, PyO
         Py_XDECREF(item);
     }
     reader_show(self);
-    if (status < 0)
-        Py_CLEAR(list);
-    return list;
+    if (status >= 0)
+        return list;
+    if (PyList_Size(list) != 0) { /* these messages are taken: the owner pops them */
+        PyObject *before = self->interrupted;
+        self->interrupted = list;
+        list = before;
+    }
+    Py_XDECREF(list);
+    return NULL;
 }
 
 PyObject *reader_take(PyObject *self, PyObject *const *args, Py_ssize_t count, PyObject *kwnames)

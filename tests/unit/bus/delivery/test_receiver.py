@@ -3,10 +3,12 @@ publisher.
 """
 
 import builtins
+from collections.abc import Callable
 from typing import Any
 
 import pytest
 
+from bus import shm
 from bus.delivery import allowance
 from bus.delivery import receiver as inbox_module
 from bus.delivery.receiver import Receiver
@@ -235,6 +237,77 @@ class _Rings:
         self.samples += len(batch)
         self.bytes += sum(len(payload) for _, payload in batch)
         return [(decode(payload), 5, seq, self._source, 6) for seq, payload in batch]
+
+
+def take_by_one(receiver: Receiver[int]) -> list[int]:
+    taken = receiver.take(64)
+    return [] if taken is None else [taken[0]]
+
+
+TAKES: list[Callable[[Receiver[int]], list[int]]] = [
+    take_by_one,
+    lambda receiver: receiver.take_messages(64),
+    lambda receiver: [taken[0] for taken in receiver.take_many(64)],
+]
+
+
+class TestInterrupts:
+    """KeyboardInterrupt in the decoder, at the message "3"; then the rest is taken."""
+
+    def box(self, depth: int = 10) -> Box:
+        box = Box(depth)
+        left = [KeyboardInterrupt]
+
+        def decode(payload: Any) -> int:
+            if bytes(payload) == b"3" and left:
+                raise left.pop()
+            return int(bytes(payload))
+
+        box.receiver._decode = decode
+        return box
+
+    def take(self, box: Box, take: Callable[[Receiver[int]], list[int]]) -> list[int]:
+        found: list[int] = []
+        with pytest.raises(KeyboardInterrupt):
+            while True:
+                found += take(box.receiver) or take_by_one(box.receiver)
+        return found + box.take(64)
+
+    @for_each("take", TAKES)
+    @for_each("has_core", [True, False])
+    def test_of_a_run(self, has_core: bool, take: Callable[[Receiver[int]], list[int]]) -> None:
+        if has_core and not shm.has_core():
+            return
+        box = self.box()
+        box.receiver.__dict__["_has_core"] = has_core
+        box.put(1, "1", "2")
+        box.put(3, "3", "4", "5")
+        assert self.take(box, take) == [1, 2, 3, 4, 5]
+        assert box.counts == (5, 5, 0, {})
+
+    @for_each("take", TAKES)
+    def test_of_a_single_message(self, take: Callable[[Receiver[int]], list[int]]) -> None:
+        box = self.box()
+        box.receiver.__dict__["_has_core"] = False
+        for number in range(1, 6):
+            box.put(number, str(number))
+        assert self.take(box, take) == [1, 2, 4, 5]
+        assert box.counts == (4, 4, 0, {"undecodable": 1})
+
+    @pytest.mark.skipif(not shm.has_core(), reason="the native core is not there")
+    @for_each("take", TAKES)
+    def test_of_messages_in_a_ring(self, take: Callable[[Receiver[int]], list[int]]) -> None:
+        from shm_ends import Listener, Talker
+
+        talker, listener = Talker(), Listener()
+        box = self.box()
+        listener.join(talker, box.source())
+        box.receiver.reader = listener.reader
+        talker.write(*(str(number).encode() for number in range(1, 6)))
+        assert self.take(box, take) == [1, 2, 4, 5]
+        assert box.counts == (4, 4, 0, {"undecodable": 1})
+        talker.close()
+        listener.close()
 
 
 class TestRings:

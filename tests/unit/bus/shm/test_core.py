@@ -377,7 +377,26 @@ def test_an_interrupt_goes_through(talker: Talker, listener: Listener) -> None:
 
     with pytest.raises(KeyboardInterrupt):
         listener.reader.messages(1, interrupt)
+    assert listener.reader.pop_interrupted() == []
     assert listener.take() == [b"two"]
+    assert (listener.reader.samples, listener.reader.undecodable) == (1, 1)
+
+
+def test_messages_decoded_before_an_interrupt_are_kept(talker: Talker, listener: Listener) -> None:
+    listener.join(talker)
+    talker.write(b"1", b"22", b"no", b"4")
+
+    def decode(payload: bytes) -> int:
+        if payload == b"no":
+            raise KeyboardInterrupt
+        return int(payload)
+
+    with pytest.raises(KeyboardInterrupt):
+        listener.reader.messages(10, decode)
+    assert listener.reader.pop_interrupted() == [1, 22]
+    assert listener.reader.pop_interrupted() == []
+    assert [message for message, *_ in listener.reader.take(10, decode)] == [4]
+    assert (listener.reader.samples, listener.reader.bytes, listener.reader.undecodable) == (3, 4, 1)
 
 
 @pytest.mark.parametrize("size", [1, LARGE])
