@@ -2,6 +2,7 @@
 
 import asyncio
 import threading
+from functools import partial
 from typing import Any
 
 import pytest
@@ -175,6 +176,20 @@ class TestSpinning:
         executor = world.executor(node)
         executor.spin_once_until_future_complete(future, timeout_sec=0.05)
         executor.spin_once_until_future_complete(future, timeout_sec=0)
+
+    @every_kind
+    def test_until_a_future_without_a_wait_makes_the_due_calls(
+        self, world: World, node: Node, kind: Kind
+    ) -> None:
+        """A loop of such calls gets on: each makes one that is due."""
+        executor = world.executor(node, kind=kind)
+        future: Future[int] = Future()
+        told: list[int] = []
+        for number in range(3):
+            trigger(node, partial(told.append, number), ReentrantCallbackGroup())
+        for _ in range(3):
+            executor.spin_until_future_complete(future, timeout_sec=0)
+        wait_until(lambda: sorted(told) == [0, 1, 2])
 
     def test_wake_ends_no_spin_once(self, world: World, node: Node) -> None:
         executor, told = world.executor(node), []

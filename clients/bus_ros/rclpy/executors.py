@@ -180,13 +180,13 @@ class Executor:
         self._spin_once(deadline_after(timeout_sec), 1)
 
     def spin_until_future_complete(self, future: Future[Any], timeout_sec: float | None = None) -> None:
-        """Work until `future` is done, or `timeout_sec` is over (None or negative: for ever)."""
+        """Work until `future` is done, or `timeout_sec` is over (None or negative: for ever; 0: one call)."""
         deadline_ns = deadline_after(timeout_sec)
         with woken_by(future, self.wake):
             while self._context.ok() and not self._is_shutdown and not future.done():
+                self._spin_once(deadline_ns, 1, future.done)
                 if deadline_ns and monotonic_ns() >= deadline_ns:
                     return
-                self._spin_once(deadline_ns, 1, future.done)
 
     def spin_once_until_future_complete(self, future: Future[Any], timeout_sec: float | None = None) -> None:
         """Wait for one callback or for `future`."""
