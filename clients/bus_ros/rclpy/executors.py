@@ -296,7 +296,11 @@ class Executor:
                 if entity.is_destroyed:
                     work = None
                 else:
-                    work = entity.take(most if entity.is_exclusive or not self.asks_always else 1)
+                    try:
+                        work = entity.take(most if entity.is_exclusive or not self.asks_always else 1)
+                    except BaseException:
+                        ready.append(entity)  # it stays queued
+                        raise
                 if work is not None and not entity.is_single:
                     ready.append(entity)  # it may have more, and is behind the others now
                     return entity, work

@@ -183,3 +183,22 @@ def test_a_timer_that_is_queued_as_its_node_leaves_runs_in_the_next_executor(
     other = SingleThreadedExecutor()
     other.add_node(node)
     assert calls(other, 2) == [timer]
+
+
+def test_an_entity_whose_take_raises_is_asked_again(executor: SingleThreadedExecutor) -> None:
+    node: Any = Robot()
+    executor.add_node(node)
+    box = Box(node)
+    take = box.take
+
+    def fail(most: int) -> None:
+        box.take = take  # type: ignore[method-assign]
+        raise ValueError("no")
+
+    box.take = fail  # type: ignore[method-assign]
+    box.put()
+    with pytest.raises(ValueError, match="no"):
+        calls(executor, 1)
+    assert calls(executor, 2) == [box]
+    box.put()
+    assert calls(executor, 2) == [box]
