@@ -363,6 +363,17 @@ def test_a_callback_changes_what_comes_next(world: World, node: Node, change: st
     assert (first, second) == tuple(list(numbers) for numbers in expected[change])
 
 
+def test_a_filter_of_raw_messages_passes_none_that_is_no_message(world: World, node: Node) -> None:
+    heard: list[bytes] = []
+    options = ContentFilterOptions("data >= %0", ["3"])
+    node.create_subscription(Int64, "t", heard.append, 10, raw=True, content_filter_options=options)
+    publisher = node.create_publisher(Int64, "t", 10)
+    publisher.publish(b"\xff")
+    publisher.publish(Int64(data=4))
+    world.spin_until(lambda: heard)
+    assert [deserialize_message(one, Int64) for one in heard] == [Int64(data=4)]
+
+
 @pytest.mark.parametrize("raw", [False, True])
 def test_content_filters(world: World, raw: bool) -> None:
     """A filter applies from the moment it is set, with one argument and with two."""

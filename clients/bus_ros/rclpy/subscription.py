@@ -99,7 +99,15 @@ class BaseSubscription(Destroyable, Generic[M]):
             return passes
         cls: Any = self.msg_type
         decode = type_support(cls).decode
-        return lambda data: passes(decode(data))
+
+        def passes_raw(data: bytes) -> bool:
+            try:
+                message = decode(data)
+            except Exception:  # it is no message of the type; a message class may raise anything
+                return False
+            return passes(message)
+
+        return passes_raw
 
 
 class Subscription(Entity, BaseSubscription[M]):
