@@ -253,8 +253,14 @@ class Task(Future[T]):
 
     def __call__(self) -> None:
         """Run the function, or the coroutine's next step. Does nothing if it is done or running."""
-        if self._state != _PENDING or not self._task_lock.acquire(blocking=False):
-            return
+        self.take_step()
+
+    def take_step(self) -> bool:
+        """As a call; returns whether the task goes on later. Another thread may have ended it by then."""
+        if self._state != _PENDING:
+            return False
+        if not self._task_lock.acquire(blocking=False):
+            return True
         awaited: Future[Any] | None = None
         try:
             self._executing = True
@@ -267,9 +273,10 @@ class Task(Future[T]):
             self._task_lock.release()
         if self._state != _PENDING:
             self._forget_handler()
-        else:
-            # Only after the lock is free: the next step may begin at once, in another thread.
-            self._go_on_after(awaited)
+            return False
+        # Only after the lock is free: the next step may begin at once, in another thread.
+        self._go_on_after(awaited)
+        return True
 
     def executing(self) -> bool:
         """Whether a step is running now."""
@@ -386,8 +393,7 @@ class Step:
 
     def run(self) -> object:
         """Run the step; returns UNFINISHED if the task goes on later; raises the task's exception."""
-        self.task()
-        if not self.task.done():
+        if self.task.take_step():
             return UNFINISHED
         if (error := self.task.exception()) is not None:
             raise error

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from bus_ros.rclpy.task import Answer, Future, Task
+from bus_ros.rclpy.task import UNFINISHED, Answer, Future, Step, Task
 
 
 class Executor:
@@ -263,6 +263,24 @@ def test_a_future_that_gets_done_while_the_step_ends() -> None:
             assert woken.wait(60)
             task()
         assert task.result() == 1
+
+
+def test_only_the_last_step_of_a_task_is_its_end() -> None:
+    """Another thread may run the last step before the one before it has returned."""
+
+    class Sudden(Future[int]):
+        def call_when_done(self, waiter: Callable[[], object]) -> None:
+            self.set_result(1)
+            super().call_when_done(waiter)
+
+    async def work() -> None:
+        await Sudden()
+
+    ends: list[bool] = []
+    step = Step(Task(work), lambda again: ends.append(again.run() is not UNFINISHED), None)
+    ends.append(step.run() is not UNFINISHED)
+    assert step.task.done()
+    assert ends == [True, False]
 
 
 def test_one_step_at_a_time() -> None:
