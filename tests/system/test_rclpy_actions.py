@@ -12,7 +12,6 @@ from bus.shm import has_core
 from bus_actions import ActionUnavailable, GoalStatus, goal_table
 from bus_ros.engine import Engine
 from bus_ros.rclpy.action import ActionClient, ActionServer, CancelResponse, GoalResponse
-from bus_ros.rclpy.action import client as client_module
 from bus_ros.rclpy.action.graph import (
     get_action_client_names_and_types_by_node,
     get_action_names_and_types,
@@ -158,37 +157,6 @@ def test_cancelled_futures_are_forgotten(ends: Ends) -> None:
     ] == [0, 0, 0]
     assert ends.result(goal_handle) == (GoalStatus.SUCCEEDED, [])
     assert all(one.cancelled() and one.result() is None for one in [future, *later])
-
-
-def test_feedback_callbacks_of_ended_goals_do_not_pile_up(
-    ends: Ends, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Of goals whose result is never asked for, of canceled ones, and of cancelled futures."""
-    monkeypatch.setattr(client_module, "_MOST_ENDED", 2)
-    held: list[ServerGoalHandle] = []
-
-    def begin(goal_handle: ServerGoalHandle) -> None:
-        if goal_handle.request.order:
-            goal_handle.execute()
-        else:
-            held.append(goal_handle)
-
-    ends.serve(handle_accepted_callback=begin, cancel_callback=lambda _: CancelResponse.ACCEPT)
-    client = ends.client
-    canceled = ends.send(0)
-    for order in (1, 2, 3, 4):
-        goal_handle = ends.send(order)
-        ends.spin_until(lambda one=goal_handle: one.status == GoalStatus.SUCCEEDED)
-    assert len(client._feedback_callbacks) == 3  # of `canceled`, too
-    client.send_goal_async(Fibonacci.Goal(order=5), ends.hear).cancel()
-    ends.spin_until(lambda: [0, 1, 2, 3, 4] in ends.feedback)
-    ends.done(canceled.cancel_goal_async())
-    held[0].canceled()
-    ends.spin_until(lambda: bytes(canceled.goal_id.uuid) in client._ended)
-    assert len(client._feedback_callbacks) == len(client._ended) == 2
-    for goal_handle in [ends.send(1) for _ in range(3)]:
-        ends.result(goal_handle)
-    assert len(client._feedback_callbacks) == len(client._ended) <= 2
 
 
 @pytest.mark.parametrize("kind", ["goal", "result", "cancel"])

@@ -69,7 +69,7 @@ INSIDE_OF_CLASSES = {
     "rclpy.clock.JumpThreshold": {"is_exceeded"},
     "rclpy.context.Context": {
         *("all", "arguments", "domain_id", "end_by_signal", "nodes", "parameters", "wake_at_end"),
-        *("is_valid", "notify_at_end", "was_ended_by_signal"),
+        *("is_valid", "nodes_of_this_thread", "notify_at_end", "was_ended_by_signal"),
     },
     "rclpy.executors.Executor": {
         *(

@@ -24,7 +24,7 @@ from bus_ros.rclpy.impl.executor_parts import (
     TimeoutObject,
     WakeGuard,
     await_or_execute,
-    put_in_order,
+    go_on_with_round,
     spin_nested,
     woken_by,
 )
@@ -74,6 +74,7 @@ class Executor:
         self._nodes: list[ExecutedNode] = []
         self.ready: deque[Ready] = deque()
         self.handed: set[Handover] = set()  # they hand it messages as they come
+        self._beside: list[Ready] = []  # called while `called` is: by nested spins, and in other threads
         self.last_handed: Handover | None = None
         self.lone: Handover | None = None  # the only one with messages recently
         self._left = 0  # entities of the round
@@ -289,7 +290,7 @@ class Executor:
                 return None
             while ready:
                 if len(ready) > 1:
-                    self._go_on_with_round()
+                    go_on_with_round(self)
                 entity = self._pop() if engine.held or self.asks_always else ready.popleft()
                 if entity is None:
                     break
@@ -319,7 +320,7 @@ class Executor:
                 raise ExternalShutdownException
             if is_over:
                 return None
-            waiter.is_set = self._left = False  # the round has ended
+            waiter.is_set, self._left = False, 0  # the round has ended
             end_ns = self._timer_ns
             if end_ns >= NEVER_NS or 0 < deadline_ns < end_ns:
                 end_ns = deadline_ns
@@ -341,18 +342,6 @@ class Executor:
                 return entity
             self._engine.passed_over.add(self)
         return None
-
-    def _go_on_with_round(self) -> None:
-        """In a round, each ready entity gets one call, in the order of rclpy's wait sets.
-
-        An entity or timer that becomes ready meanwhile waits for the next round. So many messages do not
-        delay timers, and timers that are always due do not delay messages.
-        """
-        if self._left > 0:
-            self._left -= 1
-            return
-        self._left = len(self.ready) - 1
-        put_in_order(self.ready)
 
     def _collect_timers(self) -> None:
         now_ns, next_ns, self._is_simulated = monotonic_ns(), NEVER_NS, False
@@ -426,10 +415,6 @@ class SingleThreadedExecutor(Executor):
     """Makes the calls in the spinning thread."""
 
     called: Ready | None = None  # its callback runs: another spin may be nested in it
-
-    def __init__(self, *, context: Context | None = None) -> None:
-        super().__init__(context=context)
-        self._beside: list[Ready] = []  # called while `called` is: by nested spins, and in other threads
 
     def _spin_once(self, deadline_ns: int, most: int, until: Callable[[], bool] | None = None) -> None:
         if (self.called is not None or self._beside) and spin_nested(self, deadline_ns, most, until):

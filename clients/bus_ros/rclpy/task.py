@@ -253,9 +253,9 @@ class Task(Future[T]):
 
     def __call__(self) -> None:
         """Run the function, or the coroutine's next step. Does nothing if it is done or running."""
-        self.take_step()
+        self._advance()
 
-    def take_step(self) -> bool:
+    def _advance(self) -> bool:
         """As a call; returns whether the task goes on later. Another thread may have ended it by then."""
         if self._state != _PENDING:
             return False
@@ -393,7 +393,7 @@ class Step:
 
     def run(self) -> object:
         """Run the step; returns UNFINISHED if the task goes on later; raises the task's exception."""
-        if self.task.take_step():
+        if self.task._advance():
             return UNFINISHED
         if (error := self.task.exception()) is not None:
             raise error

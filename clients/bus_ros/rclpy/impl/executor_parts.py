@@ -18,7 +18,7 @@ __all__ = [
     "TimeoutObject",
     "WakeGuard",
     "await_or_execute",
-    "put_in_order",
+    "go_on_with_round",
     "spin_nested",
     "woken_by",
 ]
@@ -48,8 +48,17 @@ class ConditionReachedException(Exception):
     """The condition of the wait is true."""
 
 
-def put_in_order(ready: deque[Any]) -> None:
-    """Sort entities by their places in a round."""
+def go_on_with_round(executor: Any) -> None:
+    """In a round, each ready entity gets one call, in the order of rclpy's wait sets.
+
+    An entity or timer that becomes ready meanwhile waits for the next round. So many messages do not delay
+    timers, and timers that are always due do not delay messages.
+    """
+    if executor._left > 0:
+        executor._left -= 1
+        return
+    ready: deque[Any] = executor.ready
+    executor._left = len(ready) - 1
     ordered = sorted(ready, key=_PLACE)
     ready.clear()
     ready.extend(ordered)
