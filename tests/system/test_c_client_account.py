@@ -103,6 +103,32 @@ async def test_each_sample_counts_once(
 
 
 @on_one_loop
+async def test_drops_before_a_return_of_the_publisher_hide_no_later_loss(
+    broker: FakeBroker, programs: Path, tmp_path: Path
+) -> None:
+    """busd has dropped 6 to 10; the subscription is away from 12 to 16."""
+    meeting = asyncio.create_task(meet(broker))
+    async with c_programs.peer(programs, tmp_path, "listen", "/t") as listener:
+        connection = await meeting
+        match(connection, 1)
+        send(connection, 1, 2, 3, 4, 5)
+        report(connection, {"replaced": 5})
+        connection.send(m.Unmatched(endpoint=SUBSCRIPTION, other=TALKER, last_seq=10))
+        match(connection, 11)
+        send(connection, 11)
+        await listener.line("^11 ")
+        await connection.close()
+        connection = await meet(broker)
+        report(connection, {}, before={"replaced": 5})
+        match(connection, 17)
+        send(connection, 17)
+        await listener.line("^17 ")
+        statistics = await listener.finish()
+    assert (statistics["replaced"], statistics["lost"]) == (5, 5)
+    assert (statistics["samples"], statistics["expected"]) == (7, 17)
+
+
+@on_one_loop
 async def test_lossless_messages_stay_in_a_full_queue(
     broker: FakeBroker, programs: Path, tmp_path: Path
 ) -> None:

@@ -15,7 +15,9 @@ from bus_ros.rclpy.client import Client
 from bus_ros.rclpy.exceptions import InvalidHandle
 from bus_ros.rclpy.executors import MultiThreadedExecutor
 from bus_ros.rclpy.node import Node
+from bus_ros.rclpy.qos import qos_profile_services_default
 from bus_ros.rclpy.service import Service
+from bus_ros.rclpy.service_introspection import ServiceIntrospectionState
 from bus_ros.rclpy.task import Future
 from bus_ros.rosidl import service_class
 from conftest import WAIT_S
@@ -210,18 +212,30 @@ def test_what_is_no_request_or_response(world: World, server: Node, client: Clie
 
 
 @with_limits(message_bytes=100_000)
+@pytest.mark.parametrize("is_observed", [False, True])
 def test_an_answer_that_is_too_large_is_refused_and_the_server_goes_on(
-    world: World, server: Node, node: Node
+    world: World, server: Node, node: Node, is_observed: bool
 ) -> None:
+    """Events of the service have the answer, too, and a little more."""
     kind = service_class("std_srvs/srv/Trigger")
-    sizes = iter((200_000, 5))
-    server.create_service(kind, "say", lambda request, response: kind.Response(message="x" * next(sizes)))  # type: ignore[attr-defined]
+    sizes = iter((200_000, 99_960, 5))
+    service = server.create_service(
+        kind,
+        "say",
+        lambda request, response: kind.Response(message="x" * next(sizes)),  # type: ignore[attr-defined]
+    )
+    if is_observed:
+        state = ServiceIntrospectionState.CONTENTS
+        service.configure_introspection(server.get_clock(), qos_profile_services_default, state)
     client = node.create_client(kind, "say")
     with world.spinning(server):
         assert client.wait_for_service(timeout_sec=WAIT_S)
         with pytest.raises(ServiceError, match="PayloadTooLarge"):
             client.call(kind.Request(), timeout_sec=WAIT_S)  # type: ignore[attr-defined]
-        assert client.call(kind.Request(), timeout_sec=WAIT_S).message == "xxxxx"  # type: ignore[attr-defined]
+        for size in (99_960, 5):
+            answer: Any = client.call(kind.Request(), timeout_sec=WAIT_S)  # type: ignore[attr-defined]
+            assert len(answer.message) == size
+    assert service.native.statistics().responses == 3
 
 
 def test_an_answer_without_room_follows_later(

@@ -90,7 +90,9 @@ def test_a_script_that_listens_waits_in_one_native_call(
 @by_shared_memory
 def test_steps_of_an_executor(route: str) -> None:
     bytecodes, calls = steps("subscriber", "rclpy")
-    assert 100 <= bytecodes <= 580
+    assert (
+        100 <= bytecodes <= 595
+    )  # eleven of them note the call, so that nested spins of all threads know it
     assert calls <= 12  # three between the wake-up and the user's callback
 
 

@@ -56,7 +56,7 @@ class ListService(ServiceServer):
         self._is_closed = False
         self._world = world
         link: Any = SimpleNamespace(loop=asyncio.get_running_loop())
-        self._core: Any = SimpleNamespace(on_end=None, on_lost=None, refused=0, link=link)
+        self._core: Any = SimpleNamespace(on_end=None, on_lost=None, refused=0, max_bytes=2**26, link=link)
         node = NodeContext(
             link, NAME, cast(Any, world.server_node.logger), cast(Any, world.server_node)._fail
         )

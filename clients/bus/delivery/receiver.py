@@ -248,22 +248,23 @@ class Receiver(Generic[M]):
         ahead, runs = self.ahead, self._queue.runs
         while not ahead:
             if not runs:
-                if self.reader is None:
+                reader = self.reader  # in the child of a fork in the decoder, there is none afterwards
+                if reader is None:
                     return None
                 at_once = limit if self._queue.depth or is_most else _MOST_AT_ONCE
                 try:
-                    batch = self.reader.take(at_once, self._decode)
+                    batch = reader.take(at_once, self._decode)
                 except BaseException:  # such as KeyboardInterrupt in the decoder
-                    ahead += self.reader.pop_interrupted()
+                    ahead += reader.pop_interrupted()
                     raise
-                if self.reader.undecodable != self._rejected:
-                    self._reject_from_rings(self.reader)
+                if reader.undecodable != self._rejected:
+                    self._reject_from_rings(reader)
                 elif not batch:
                     return None
                 if batch:
                     _, stamp_ns, _, proxy, received_ns = batch[-1]
                     self.stamp_ns = stamp_ns - proxy.clock_ns if stamp_ns >= 0 else received_ns
-                    if not self.reader.is_report_due:
+                    if not reader.is_report_due:
                         self.note()
                 ahead += batch
                 continue
@@ -317,15 +318,16 @@ class Receiver(Generic[M]):
             return []
         if self._queue.runs:
             return self._take_from_run(limit)
-        if self.reader is None:
+        reader = self.reader
+        if reader is None:
             return []
         try:
-            batch = self.reader.messages(limit, self._decode)
+            batch = reader.messages(limit, self._decode)
         except BaseException:
-            self.put_back(self.reader.pop_interrupted())
+            self.put_back(reader.pop_interrupted())
             raise
-        if self.reader.undecodable != self._rejected:
-            self._reject_from_rings(self.reader)
+        if reader.undecodable != self._rejected:
+            self._reject_from_rings(reader)
         return batch
 
     def take_lone(self, run: Run) -> Taken[M] | None:
@@ -345,7 +347,16 @@ class Receiver(Generic[M]):
             or not self._has_core
         ):
             return None
-        found = shm.native.run_samples(run.body, 0, 1, self._decode, run.first_seq, proxy, run.received_ns)
+        try:
+            found = shm.native.run_samples(
+                run.body, 0, 1, self._decode, run.first_seq, proxy, run.received_ns
+            )
+        except BaseException:  # such as KeyboardInterrupt in the decoder: the message is lost
+            if run.first_seq == proxy.last_seq + 1:
+                proxy.last_seq += 1
+                self.tracker.received += 1
+                self.drop(DropReason.UNDECODABLE, 1)
+            raise
         if found is None or run.first_seq != proxy.last_seq + 1:
             return None
         proxy.last_seq += 1

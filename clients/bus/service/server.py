@@ -91,10 +91,6 @@ class _LateAnswers:
         self._bytes -= len(answer.payload)
         return answer
 
-    def clear(self) -> None:
-        self._answers.clear()
-        self._bytes = 0
-
 
 class ServiceServerStatistics(msgspec.Struct, frozen=True):
     """Totals of one server.
@@ -237,15 +233,30 @@ class ServiceServer(ServiceBase):
         self._at_work.pop(request_id, None)
         return True
 
-    def _answer(self, request_id: RequestId, response: Any, error: str = "") -> None:
+    def _answer(self, request_id: RequestId, response: Any, error: str = "") -> bool:
         """As `respond`, for a caller that does not wait for room; without effect after `close`.
 
-        Without room, the answer follows later. Above the limit, its client gets the error instead.
+        Without room, the answer follows later. Above the limit, its client gets the error instead; then it
+        returns False.
         """
+        core = core_of(self._replies)
         answer = self._encode(request_id, response, error)
-        with suppress(ConnectionClosed):
-            if self._late or not self._publish_or_refuse(answer):
-                self._keep(answer)
+        size = len(answer.payload)
+        if size > core.max_bytes:
+            # Perhaps the client requested that much: it gets the error, and the server continues for the
+            # others.
+            too_large = PayloadTooLarge(self._replies.topic_name, size_bytes=size, limit_bytes=core.max_bytes)
+            core.link.loop.call_soon(self._warn_of_size, too_large)
+            answer = self._encode(request_id, None, _text_of(too_large))
+        try:
+            if not self._late:
+                if self._publish(answer):
+                    return size <= core.max_bytes
+                core.refused -= 1  # it is not lost
+            self._keep(answer)
+        except (ConnectionClosed, PayloadTooLarge):
+            pass  # not even the error is below the limit
+        return size <= core.max_bytes
 
     def _refuse(self, request_id: RequestId, error: Exception) -> None:
         """Answer the client with the error of a callback."""
@@ -266,25 +277,10 @@ class ServiceServer(ServiceBase):
         self._errors += answer.is_error
         return True
 
-    def _publish_or_refuse(self, answer: _Answer) -> bool:
-        """As `_publish`; without room, the caller tries again later."""
-        try:
-            has_room = self._publish(answer)
-        except PayloadTooLarge as error:
-            # Perhaps the client requested that much: it gets the error, and the server continues for the
-            # others.
-            core_of(self._replies).link.loop.call_soon(self._warn_of_size, error)
-            if answer.is_error:
-                return True
-            return self._publish_or_refuse(self._encode(answer.request_id, None, _text_of(error)))
-        self._count_refused(-(not has_room))
-        return has_room
-
     def _keep(self, answer: _Answer) -> None:
         """Publish an answer as soon as there is room, after the earlier ones."""
         for lost in self._late.put(answer):
-            self._at_work.pop(lost.request_id, None)
-            self._count_refused(1)
+            self._count_lost(lost)
         if self._sending is None:
             # Not always the running loop: see bus_ros.engine.
             self._sending = core_of(self._replies).link.loop.create_task(
@@ -295,15 +291,32 @@ class ServiceServer(ServiceBase):
         try:
             while self._late:
                 await self.wait_for_room()
-                while self._late and self._publish_or_refuse(self._late.oldest):
+                while self._late and self._publish_oldest():
                     self._late.pop()
         except ConnectionClosed:
-            self._late.clear()
+            while self._late:
+                self._count_lost(self._late.pop())
         finally:
             self._sending = None
 
-    def _count_refused(self, number: int) -> None:
-        core_of(self._replies).refused += number
+    def _publish_oldest(self) -> bool:
+        """Publish the oldest waiting answer; returns False if it has to wait longer."""
+        answer = self._late.oldest
+        try:
+            if self._publish(answer):
+                return True
+        except ConnectionClosed:
+            raise
+        except BusError as error:  # for example, memory is short; the answers behind it follow
+            self._count_lost(answer)
+            warn(self._logger, f"an answer of service '{self.service_name}' is lost: {error}")
+            return True
+        core_of(self._replies).refused -= 1  # it is not lost
+        return False
+
+    def _count_lost(self, answer: _Answer) -> None:
+        self._at_work.pop(answer.request_id, None)
+        core_of(self._replies).refused += 1
 
     def _take(self, request: Request) -> None:
         request_id = RequestId(request.client, request.number)
@@ -393,7 +406,7 @@ class _Work:
         except Exception as error:
             self._server._refuse(request_id, error)
             self._on_error(error)
-        if self._server._sending is not None:  # the call keeps its place until its answer has left
+        if self._server._sending is not None:  # the call keeps its place until no answer waits
             await asyncio.wait({self._server._sending})
 
     def _arguments(self, request: Any) -> tuple[Any, ...]:

@@ -266,12 +266,9 @@ static PyObject *take(Reader *self, PyObject *const *args, Py_ssize_t count, PyO
     reader_show(self);
     if (status >= 0)
         return list;
-    if (PyList_Size(list) != 0) { /* these messages are taken: the owner pops them */
-        PyObject *before = self->interrupted;
-        self->interrupted = list;
-        list = before;
-    }
-    Py_XDECREF(list);
+    PyObject *before = self->interrupted; /* the messages in the list are taken: the owner pops them */
+    self->interrupted = list;
+    Py_XDECREF(before);
     return NULL;
 }
 

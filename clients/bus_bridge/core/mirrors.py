@@ -233,10 +233,20 @@ class Mirrors:
         for one in self._nodes.values():
             if self._is_gone(one):
                 gone[one.far.identity].append(one)
-        # The first of several nodes with one name takes over the first mirror.
-        for key, far in self._far.nodes.items() if gone else ():
-            if key not in self._nodes and gone[far.identity]:
-                mirror = gone[far.identity].pop(0)
+        if not gone:
+            return
+        # Of several nodes with one name, each takes over the mirror that has its endpoints, or the first one.
+        owners = {
+            far.node.key: self._endpoints[gid].node
+            for gid, far in self._far.endpoints.items()
+            if gid in self._endpoints
+        }
+        for key, far in sorted(self._far.nodes.items(), key=lambda one: one[0] not in owners):
+            if key not in self._nodes and (left := gone[far.identity]):
+                mirror = owners.get(key)
+                if mirror not in left:
+                    mirror = left[0]
+                left.remove(mirror)
                 del self._nodes[mirror.far.key]
                 mirror.far = far
                 mirror.retry.hurry()

@@ -6,7 +6,7 @@ serves if cyclonedds is not installed, as on machines for which it has no packag
 RTPS numbers every message. So each message of a far writer is passed on once, by the strongest of the readers
 that are matched with it. If another reader takes over, it continues after the last number. A new one takes
 over once the writer knows it, and its messages follow directly on those of the present one. A retired reader
-stays until then.
+stays until then, for a second at most.
 """
 
 import asyncio

@@ -1,5 +1,5 @@
-"""Messages of far writers that arrived before a reader was chosen for them: limited, and losses are counted.
-Pure."""
+"""Messages of far writers that arrived before a reader was chosen for them: limited, and losses are counted,
+except those of the earliest writers if there are too many. Pure."""
 
 from collections import Counter, deque
 from collections.abc import Hashable, Iterator, Mapping, Sequence

@@ -15,8 +15,8 @@ __all__ = ["Links"]
 
 _PROBE_S = 2.0
 _REFUSAL_S = 0.3
-_AT_ONCE = 16
-"""Number of addresses that are tried at the same time."""
+_AT_ONCE = 4
+"""Number of addresses that are tried at the same time. Fewer than the threads that resolve names."""
 _PATIENCE = 3
 """Number of checks in a row without a link before the user gets a message."""
 

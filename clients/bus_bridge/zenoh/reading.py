@@ -173,6 +173,7 @@ class ZenohReader:
         if base is None:
             return False
         if not head[16:]:
+            self._assembler.clear()  # a message may have been replaced while it was read
             self._unpack(self._arrival.begin(base[0]))
             return True
         found = records.read_part(payload, head[16:])

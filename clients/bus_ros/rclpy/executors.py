@@ -74,7 +74,7 @@ class Executor:
         self._nodes: list[ExecutedNode] = []
         self.ready: deque[Ready] = deque()
         self.handed: set[Handover] = set()  # they hand it messages as they come
-        self._beside: list[Ready] = []  # called while `called` is: by nested spins, and in other threads
+        self._called: list[Ready] = []  # an entity for each call under way, in any thread
         self.last_handed: Handover | None = None
         self.lone: Handover | None = None  # the only one with messages recently
         self._left = 0  # entities of the round
@@ -320,7 +320,8 @@ class Executor:
                 raise ExternalShutdownException
             if is_over:
                 return None
-            waiter.is_set, self._left = False, 0  # the round has ended
+            waiter.is_set = False
+            self._left = 0  # the round has ended
             end_ns = self._timer_ns
             if end_ns >= NEVER_NS or 0 < deadline_ns < end_ns:
                 end_ns = deadline_ns
@@ -414,10 +415,9 @@ class Executor:
 class SingleThreadedExecutor(Executor):
     """Makes the calls in the spinning thread."""
 
-    called: Ready | None = None  # its callback runs: another spin may be nested in it
-
     def _spin_once(self, deadline_ns: int, most: int, until: Callable[[], bool] | None = None) -> None:
-        if (self.called is not None or self._beside) and spin_nested(self, deadline_ns, most, until):
+        called = self._called
+        if called and spin_nested(self, deadline_ns, most, until):
             return
         loop = self._engine.loop
         with loop.guard:
@@ -433,18 +433,11 @@ class SingleThreadedExecutor(Executor):
         if found is None:
             return
         if is_plain:
-            is_first = self.called is None
-            if is_first:
-                self.called = entity
-            else:
-                self._beside.append(entity)
+            called.append(entity)
             try:
                 result = function(*arguments)
             finally:
-                if is_first:
-                    self.called = None
-                else:
-                    self._beside.pop()  # not always this one: only their number matters
+                called.pop()  # not always this one: only their number matters
             if not entity.is_async or not isinstance(result, CoroutineType):
                 return
             with loop:

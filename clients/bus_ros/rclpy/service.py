@@ -60,8 +60,7 @@ class BaseService(Introspected, Destroyable):
                 f"the callback of service '{self.service_name}' must return"
                 f" a {self.srv_type.Response.__name__}, not {type(response).__name__}"
             )
-        self._respond(header, response)
-        if self.events is not None:
+        if self._respond(header, response) and self.events is not None:
             self.events.publish_event("RESPONSE_SENT", header.client, header.number, response=response)
 
     def _report_and_answer(self, answer: Callable[..., Any], request: object, request_id: RequestId) -> Any:
@@ -95,11 +94,12 @@ class BaseService(Introspected, Destroyable):
             if not self.is_destroyed and hasattr(self, "native"):
                 self.native._refuse(request_id, error)
 
-    def _respond(self, request_id: RequestId, response: object) -> None:
+    def _respond(self, request_id: RequestId, response: object) -> bool:
+        """Returns False if the client gets an error instead, because the response is too large."""
         with self._guard:
             if self.is_destroyed:
                 raise InvalidHandle(f"the service '{self.service_name}' is destroyed")
-            self.native._answer(request_id, response)
+            return self.native._answer(request_id, response)
 
 
 class Service(Entity, BaseService):

@@ -27,7 +27,7 @@ Row = tuple[str, str | None, str | None, int, int, int]
 """A row of FrameTree.rows."""
 
 _SHORTEST_NS = 100_000
-_PLAIN = re.compile(r"[^\W\d][\w./-]*")
+_PLAIN = re.compile(r"(?!(?:null|true|false|yes|no|on|off)$)[^\W\d][\w./-]*", re.IGNORECASE)
 """Names that are texts in YAML without quotes, as tf2 writes all names."""
 
 

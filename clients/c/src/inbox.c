@@ -97,6 +97,8 @@ static void note_missing(busd_subscription *sub, struct source *source, uint64_t
     const bool is_history = is_replay && known == 0; /* it begins anywhere */
     if (seq > next && !is_history && (flags & FLAG_RESUMED) == 0 && source->seat == NULL)
         *(source->is_complete ? &sub->skipped : &sub->perhaps_skipped) += seq - next;
+    if (!is_replay && source->seat == NULL && source->routed_seq > source->last_seq && seq > source->routed_seq)
+        sub->skipped += source->routed_seq - source->last_seq; /* busd dropped them before the publisher returned */
     source->is_complete = source->is_complete || !is_replay;
 }
 

@@ -391,7 +391,7 @@ void sources_lost(busd_subscription *sub)
 {
     for (struct source *source = sub->sources; source != NULL; source = source->next) {
         if (source->seat == NULL && source->routed_seq > source->last_seq) { /* they were queued for us */
-            const bool is_later_counted = source->missed_seq > source->routed_seq; /* those after them */
+            const bool is_later_counted = source->missed_seq >= source->routed_seq; /* those after them */
             *(is_later_counted ? &sub->skipped : &sub->perhaps_skipped) += source->routed_seq - source->last_seq;
         }
         source->before = source->routed_seq = 0;

@@ -39,7 +39,8 @@ _LEFT: Final = "its server has left before it answered"
 _LOST: Final = "busd, or a connection to it, has ended meanwhile, and the request or its answer is lost"
 _UNKNOWN: Final = int(State.UNKNOWN)
 _MOST_ENDED: Final = 100
-"""The most feedback callbacks kept of ended goals without a result: their last feedback may still arrive."""
+"""The most feedback callbacks kept of goals without a result that have ended, or whose request was cancelled:
+feedback may still arrive."""
 _ENDS: Final = frozenset(int(state) for state in State if state.is_end)
 
 
@@ -203,6 +204,7 @@ class ActionClient(ActionEntity):
             self._unanswered[key] += 1
             if feedback_callback is not None:
                 self._feedback_callbacks[key] = feedback_callback
+                self._ended.pop(key, None)  # an earlier goal may have had this id
         return future
 
     def server_is_ready(self) -> bool:

@@ -1,4 +1,5 @@
-"""Small parts of executors: errors, the interface of their nodes, and names for executors of programs."""
+"""Small parts of executors: errors, the interface of their nodes, the order of a round, nested spins, and
+names for executors of programs."""
 
 import sys
 from collections import deque

@@ -5,6 +5,7 @@ Owns the publisher of that topic. Must not know the transport of requests.
 
 from typing import Any
 
+from bus.errors import PayloadTooLarge
 from bus_ros.rclpy.clock import Clock
 from bus_ros.rclpy.qos import QoSProfile
 from bus_ros.rclpy.service_introspection import ServiceIntrospectionState
@@ -21,7 +22,10 @@ class ServiceEvents:
         self._has_contents = has_contents
 
     def publish_event(self, kind: str, client: bytes, number: int, **contents: Any) -> None:
-        """Publish an event: REQUEST_SENT with `request`, RESPONSE_RECEIVED with `response`, and so on."""
+        """Publish an event: REQUEST_SENT with `request`, RESPONSE_RECEIVED with `response`, and so on.
+
+        Without its contents if they are above the limit of messages: they alone may just be below it.
+        """
         event = self.publisher.msg_type()
         info = event.info
         info.event_type = getattr(info, kind)
@@ -31,7 +35,12 @@ class ServiceEvents:
         if self._has_contents:
             for name, message in contents.items():
                 setattr(event, name, [message])
-        self.publisher.publish(event)
+        try:
+            self.publisher.publish(event)
+        except PayloadTooLarge:
+            for name in contents:
+                setattr(event, name, [])
+            self.publisher.publish(event)
 
 
 class Introspected:

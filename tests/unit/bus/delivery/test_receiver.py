@@ -309,6 +309,44 @@ class TestInterrupts:
         talker.close()
         listener.close()
 
+    @pytest.mark.skipif(not shm.has_core(), reason="the native core is not there")
+    @for_each("take", TAKES)
+    def test_in_the_child_of_a_fork(self, take: Callable[[Receiver[int]], list[int]]) -> None:
+        """The child has given up the reader when it leaves the decoder by SystemExit."""
+        from shm_ends import Listener, Talker
+
+        def decode(payload: Any) -> int:
+            box.receiver.reader = None
+            raise SystemExit
+
+        talker, listener = Talker(), Listener()
+        box = self.box()
+        listener.join(talker, box.source())
+        box.receiver.reader, box.receiver._decode = listener.reader, decode
+        talker.write(b"1")
+        with pytest.raises(SystemExit):
+            take(box.receiver)
+        talker.close()
+        listener.close()
+
+    @pytest.mark.skipif(not shm.has_core(), reason="the native core is not there")
+    def test_of_a_message_alone(self) -> None:
+        box = self.box()
+        source = box.source()
+        source.is_new = False
+        found = []
+        for number in range(1, 6):
+            run = Run(1, FIRST, number, 1, frame_record(str(number).encode(), 5))
+            try:
+                taken = box.receiver.take_lone(run)
+            except KeyboardInterrupt:
+                continue
+            assert taken is not None
+            found.append(taken[0])
+        assert found == [1, 2, 4, 5]
+        assert box.counts == (4, 4, 0, {"undecodable": 1})
+        assert source.last_seq == 5
+
 
 class TestRings:
     def test_what_waits_there_is_brought_before_what_comes_by_socket(self) -> None:

@@ -8,7 +8,7 @@ import msgspec
 import pytest
 
 from bus.endpoint.core import NodeContext
-from bus.errors import ConnectionClosed, PayloadTooLarge
+from bus.errors import ConnectionClosed, PayloadTooLarge, SharedMemoryError
 from bus.qos import QoSProfile
 from bus.service import server as module
 from bus.service.server import ServiceServer
@@ -27,17 +27,21 @@ class World(ServiceServer):
         self.answers: list[tuple[int, str, str]] = []
         self.room = 0
         self.errors: list[BaseException] = []
+        self.faults: list[Exception] = []
         self._has_changed = asyncio.Event()
         self._is_closed = False
         loop = asyncio.get_running_loop()
-        self._core: Any = SimpleNamespace(link=SimpleNamespace(loop=loop), refused=0)
+        self._core: Any = SimpleNamespace(link=SimpleNamespace(loop=loop), refused=0, max_bytes=LIMIT)
         monkeypatch.setattr(module, "warn", lambda logger, text: None)
         node: Any = NodeContext(self._core.link, "/server", None, self.errors.append)  # type: ignore[arg-type]
         super().__init__(node, "/set", SetBool, QoSProfile(), callback=callback, on_request=on_request)
 
     def _make_publisher(self, *_: object) -> Any:
         return SimpleNamespace(
-            publish_encoded=self._publish_encoded, wait_for_room=self._wait, _core=self._core
+            publish_encoded=self._publish_encoded,
+            wait_for_room=self._wait,
+            topic_name="/set",
+            _core=self._core,
         )
 
     def _make_subscription(self, topic: str, support: object, callback: Any, *_: object) -> Any:
@@ -47,6 +51,8 @@ class World(ServiceServer):
     def _publish_encoded(self, payload: bytes) -> bool:
         if self._is_closed:
             raise ConnectionClosed("it was closed")
+        if self.faults and self.room:
+            raise self.faults.pop()
         if len(payload) > LIMIT:
             raise PayloadTooLarge("/set", size_bytes=len(payload), limit_bytes=LIMIT)
         if not self.room:
@@ -113,6 +119,32 @@ async def test_an_answer_above_the_limit_holds_back_no_later_one(monkeypatch: py
     assert world.answers[1][1].startswith("PayloadTooLarge: ") and "the limit is 1000" in world.answers[1][1]
 
 
+async def test_an_answer_that_cannot_be_published_holds_back_no_later_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    texts = iter("abc")
+    world = World(monkeypatch, lambda request: said(next(texts)))
+    for number in (1, 2, 3):
+        world.ask(number)
+    await turns()
+    world.faults = [SharedMemoryError("memory is short")]
+    await world.make_room(3)
+    assert [number for number, _, _ in world.answers] == [2, 3]
+    assert world._core.refused == 1 and not world._at_work
+
+
+async def test_a_large_answer_pushes_out_none_that_waits(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its client gets a short error, which waits instead."""
+    monkeypatch.setattr(module, "_LATE_BYTES", LIMIT)
+    texts = iter(("a", "b" * 10 * LIMIT, "c"))
+    world = World(monkeypatch, lambda request: said(next(texts)))
+    for number in (1, 2, 3):
+        world.ask(number)
+    await turns()
+    await world.make_room(3)
+    assert [(number, text) for number, _, text in world.answers] == [(1, "a"), (2, None), (3, "c")]
+
+
 @pytest.mark.parametrize("is_async", [False, True])
 async def test_the_error_of_a_callback_waits_for_room(
     monkeypatch: pytest.MonkeyPatch, is_async: bool
@@ -175,3 +207,4 @@ async def test_no_answer_waits_for_room_after_the_close(monkeypatch: pytest.Monk
     await turns()
     world.ask(2)
     assert not world._late and world._sending is None and world.errors == []
+    assert world._core.refused == 1

@@ -101,12 +101,20 @@ class Twins:
         for key in sorted(keys):
             self.far.node_added(FarNode(key, "there", "node", "/"), 0.0)
         for number, key in enumerate(keys):
-            qos = QoSProfile(1, durability=Durability.TRANSIENT_LOCAL)
-            gid = number.to_bytes(16, "big")
-            endpoint = FarEndpoint("publisher", gid, key, "/map", "std_msgs/msg/String", "h", qos)
-            assert self.far.endpoint_added(endpoint, 0.0) is None
+            self._add_publisher(number, key)
         self.mirrors.bus_added("there")
         self.mirrors.notify()
+
+    def add(self, number: int, key: str) -> None:
+        """A node and its publisher come."""
+        self.far.node_added(FarNode(key, "there", "node", "/"), 0.0)
+        self._add_publisher(number, key)
+
+    def _add_publisher(self, number: int, key: str) -> None:
+        qos = QoSProfile(1, durability=Durability.TRANSIENT_LOCAL)
+        gid = number.to_bytes(16, "big")
+        endpoint = FarEndpoint("publisher", gid, key, "/map", "std_msgs/msg/String", "h", qos)
+        assert self.far.endpoint_added(endpoint, 0.0) is None
 
     def lose(self) -> None:
         """The link ends."""
@@ -157,6 +165,29 @@ async def test_two_nodes_of_one_name_stay_while_the_link_is_away(
     await asyncio.gather(task, return_exceptions=True)
     await world.mirrors.close()
     assert all(node.close.await_count == 1 for node in world.nodes)
+
+
+@pytest.mark.parametrize("first", [0, 1])
+async def test_two_nodes_of_one_name_return_one_after_the_other(first: int) -> None:
+    """Each gets the mirror of its own publisher, so no history repeats."""
+    world = Twins()
+    task = asyncio.create_task(world.mirrors.run())
+    world.come("1", "2")
+    await until(world.is_settled)
+    world.lose()
+    await asyncio.sleep(0)
+    world.far.bus_added(FarBus("there"), 0.0)
+    for number in (first, 1 - first):
+        world.add(number, f"new {number}")
+        world.mirrors.notify()
+        for _ in range(20):
+            await asyncio.sleep(0)
+    await until(world.is_settled)
+    assert world.mirrors.counts == (2, 2, 0)
+    assert (len(world.nodes), len(world.publishers)) == (2, 2)
+    task.cancel()
+    await asyncio.gather(task, return_exceptions=True)
+    await world.mirrors.close()
 
 
 async def test_the_clock_of_one_participant_expires_no_messages_of_another() -> None:
