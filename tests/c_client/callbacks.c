@@ -92,8 +92,10 @@ static void fill(void)
     make("/full", &BUSD_QOS_LOSSLESS, NULL);
     full = publisher;
     int status;
-    while ((status = std_msgs__msg__String__publish(full, &message)) == 0)
+    do { /* what busd has just sent may make room */
+        status = std_msgs__msg__String__publish(full, &message);
         need(busd_dispatch(bus));
+    } while (status == 0 || busd_publisher_wait(full, 100) > 0);
     printf("full: %d\n", status == -EAGAIN);
 }
 
