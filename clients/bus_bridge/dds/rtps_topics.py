@@ -202,9 +202,7 @@ class RtpsCarrier:
         if route is not None:
             route.take([arrival])
         elif gid not in self._last and not self._is_marked(gid):  # a route may be on its way
-            is_first = reader.early.put(gid, arrival)
-            if is_first and not reader.policies.transient_local:
-                self._loop.call_later(_PATIENCE_S, reader.early.pop, gid)
+            self._keep_early(reader, gid, arrival)
 
     def route_closed(self, route: "_Route") -> None:
         if self._routes.get(route.gid) is route:
@@ -253,6 +251,12 @@ class RtpsCarrier:
 
     # --- inside
 
+    def _keep_early(self, reader: "_Reader", gid: bytes, arrival: _NumberedArrival) -> None:
+        """Keep a message of a writer for its route, which may be on its way."""
+        is_first = reader.early.put(gid, arrival)
+        if is_first and not reader.policies.transient_local:
+            self._loop.call_later(_PATIENCE_S, reader.early.pop, gid)
+
     def _is_marked(self, gid: bytes) -> bool:
         """Whether a writer belongs to a refused participant."""
         return self._listener is not None and self._listener.is_marked(_handle(gid))
@@ -285,8 +289,13 @@ class RtpsCarrier:
         for gid in reader.local.matched:
             if self._carrying.get(gid) is reader:
                 del self._carrying[gid]
+        early = {gid: reader.early.pop(gid)[0] for gid in tuple(reader.early)}
         reader.close()
         self.choose(reader.topic)
+        for gid, arrivals in early.items():
+            if (heir := self._carrying.get(gid)) is not None:
+                for one in arrivals:
+                    self._keep_early(heir, gid, one)
 
     def _hand_over(self, reader: "_Reader") -> bool:
         """Give the writers of a retiring reader to readers that miss nothing. Returns False if a reader may

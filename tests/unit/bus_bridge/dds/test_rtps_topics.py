@@ -258,6 +258,29 @@ async def test_a_retired_reader_does_not_wait_for_ever(monkeypatch: pytest.Monke
     assert [*world.carrier._carrying.values()] == [latter]
 
 
+async def test_messages_that_wait_for_their_route_outlive_a_retired_reader(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(rtps_topics, "_HANDOVER_S", 0.02)
+    world = World(monkeypatch)
+    writer = world.far_writer(RELIABLE)
+    former = world.listen(RELIABLE)
+    world.network.run(3)
+    world.say(writer, "a")
+    world.network.run(1)
+    latter = world.listen(RELIABLE)
+    world.carrier.retire_reader(former)
+    world.network.run(1)
+    world.say(writer, "b")
+    world.network.run(1)
+    await until(lambda: world.carrier._readers[TOPIC] == [latter])
+    world.say(writer, "c")
+    world.network.run(1)
+    world.read(writer)
+    await until(lambda: len(world.heard) == 3)
+    assert world.heard == ["a", "b", "c"]
+
+
 async def test_a_writer_without_a_reader_is_carried_by_none(monkeypatch: pytest.MonkeyPatch) -> None:
     world = World(monkeypatch)
     writer = world.far_writer(RELIABLE)
