@@ -127,7 +127,7 @@ class TestCallbacks:
 
         def until() -> bool:
             gate.set()
-            wait_until(lambda: executor.called is None)
+            wait_until(lambda: not executor._called)
             return True
 
         guard = node.create_guard_condition(hold)
@@ -136,7 +136,7 @@ class TestCallbacks:
             guard.trigger()
             began.wait(WAIT_S)
             executor._spin_once(0, 1, until)
-            assert executor.called is None and not guard.is_closed
+            assert not executor._called and not guard.is_closed
             guard.trigger()
             wait_until(lambda: len(calls) == 2)
 
