@@ -100,6 +100,7 @@ class NodeInfo:
         self._writers.pop(handle, None)
         self._ignored.discard(handle)
         self._silent.pop(handle, None)
+        self._early.pop(handle, None)
 
     def _listen(self, size: int) -> None:
         if size not in self._readers:

@@ -267,19 +267,22 @@ class RmwZenohEngine:
         heard = seen = self._session.link_ends
         while True:
             await asyncio.sleep(_LOOK_S)
-            # As in the engine for zenoh: if a link ends soon after another one began, tokens may be missing.
-            # So ask for all of them again after a check without an ended link.
-            seen, before = self._session.link_ends, seen
-            if heard != seen == before:
-                heard = seen
-                self._watch.renew()
-            if self._lost_tokens and self._tokens.is_empty:
-                self._far.warn("ROS 2 announced more than the bridge could read at once: it asks again")
-                self._lost_tokens = 0
-                self._graph.clear()  # a lost piece of news may be that a node has gone
-                self._watch.renew()
-            self._intakes.sweep()
-            await self._links.check()
+            try:
+                # As in the engine for zenoh: if a link ends soon after another one began, tokens may be
+                # missing. So ask for all of them again after a check without an ended link.
+                seen, before = self._session.link_ends, seen
+                if heard != seen == before:
+                    heard = seen
+                    self._watch.renew()
+                if self._lost_tokens and self._tokens.is_empty:
+                    self._far.warn("ROS 2 announced more than the bridge could read at once: it asks again")
+                    self._lost_tokens = 0
+                    self._graph.clear()  # a lost piece of news may be that a node has gone
+                    self._watch.renew()
+                self._intakes.sweep()
+                await self._links.check()
+            except Exception as error:  # the next round may do better
+                self._far.warn(f"a check of the links failed: {in_words(error)}")
 
     def _see_fault(self, error: Exception) -> None:
         self._far.warn(f"a message of zenoh caused an error in the bridge: {in_words(error)}")

@@ -299,24 +299,31 @@ class ZenohEngine:
             query.reply(known[0])
 
     async def _poll(self) -> None:
-        assert self._links is not None and self._session is not None and self._presence is not None
+        assert self._links is not None and self._session is not None
+        assert self._presence is not None and self._far is not None
         heard = seen = self._session.link_ends
         while True:
             await asyncio.sleep(_LOOK_S)
-            # If a link ends just after the start of another link to the same bus, zenoh may no longer report
-            # tokens of that bus. So ask for all tokens again after a check without an ended link. Do not do
-            # so for new links: in a fleet, each new link would fetch the tokens of all other buses again.
-            seen, before = self._session.link_ends, seen
-            if heard != seen == before:
-                heard = seen
-                for declared in self._declared:
-                    declared.renew()
-            for writer in list(self._writers.values()):
-                writer.poll()
-            links = self._session.links()
-            is_routed = bool(self._options.router)
-            self._presence.poll(None if is_routed else {link.zenoh_id: link.silent_host for link in links})
-            await self._links.check()
+            try:
+                # If a link ends just after the start of another link to the same bus, zenoh may no longer
+                # report tokens of that bus. So ask for all tokens again after a check without an ended link.
+                # Do not do so for new links: in a fleet, each new link would fetch the tokens of all other
+                # buses again.
+                seen, before = self._session.link_ends, seen
+                if heard != seen == before:
+                    heard = seen
+                    for declared in self._declared:
+                        declared.renew()
+                for writer in list(self._writers.values()):
+                    writer.poll()
+                links = self._session.links()
+                is_routed = bool(self._options.router)
+                self._presence.poll(
+                    None if is_routed else {link.zenoh_id: link.silent_host for link in links}
+                )
+                await self._links.check()
+            except Exception as error:  # the next round may do better
+                self._far.warn(f"a check of the links failed: {in_words(error)}")
 
     def _opened(self) -> Session:
         if self._session is None:

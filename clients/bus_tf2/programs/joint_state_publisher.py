@@ -55,8 +55,11 @@ class JointStatePublisher(Node):
                 self.declare_parameter(name, default)
         settings = {name: self.get_parameter(name).value for name in _DEFAULTS}
         self._settings = settings
-        if not settings["rate"] > 0:
+        if not _number("rate", settings["rate"]) > 0:
             raise ValueError(f"rate is {settings['rate']}; it must be above 0")
+        sources = settings["source_list"] or []
+        if not isinstance(sources, list) or not all(isinstance(topic, str) for topic in sources):
+            raise ValueError(f"source_list is {sources!r}; it must be a list of topics")
         self._zeros = {name: one.value for name, one in self.get_parameters_by_prefix("zeros").items()}
         self._dependent = self._read_dependent()
         self._robot = Robot("", "", [], [])
@@ -74,7 +77,7 @@ class JointStatePublisher(Node):
         else:
             self._set_up(parse(description))
         kind = message_type("sensor_msgs/msg/JointState")
-        for topic in settings["source_list"] or []:
+        for topic in sources:
             self.create_subscription(kind, topic, self._on_joint_states, 10)
         self._publisher = self.create_publisher(kind, "joint_states", 10)
         self.create_timer(1.0 / settings["rate"], self._send)
@@ -92,7 +95,11 @@ class JointStatePublisher(Node):
         if any(not given.get("parent") for given in parts.values()):
             raise ValueError("All dependent_joints must at least have a parent")
         return {
-            joint: Mimic(given["parent"], float(given.get("factor", 1.0)), float(given.get("offset", 0.0)))
+            joint: Mimic(
+                str(given["parent"]),
+                _number(f"dependent_joints.{joint}.factor", given.get("factor", 1.0)),
+                _number(f"dependent_joints.{joint}.offset", given.get("offset", 0.0)),
+            )
             for joint, given in parts.items()
         }
 
@@ -186,6 +193,12 @@ class JointStatePublisher(Node):
                 self._directions[name] = -direction
                 position = min(max(position, lower), upper)
             state["position"] = position
+
+
+def _number(name: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ValueError(f"{name} is {value!r}; it must be a number")
+    return float(value)
 
 
 def main() -> int:

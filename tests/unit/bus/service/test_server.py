@@ -166,6 +166,21 @@ async def test_the_error_of_a_callback_waits_for_room(
     assert world.answers == [(1, "ZeroDivisionError: by design", None)]
 
 
+async def test_an_error_without_a_text_reaches_its_client(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Odd(Exception):
+        def __str__(self) -> str:
+            raise ZeroDivisionError
+
+    def fail(request: Any) -> Any:
+        raise Odd
+
+    world = World(monkeypatch, fail)
+    world.room = 1
+    with pytest.raises(Odd):
+        world.ask(1)
+    assert world.answers == [(1, "Odd", None)]
+
+
 @pytest.mark.parametrize(("bound", "most"), [("_MOST_AT_WORK", 2), ("_LATE_BYTES", 60)])
 async def test_so_many_answers_may_wait_and_the_oldest_is_lost_first(
     monkeypatch: pytest.MonkeyPatch, bound: str, most: int

@@ -51,3 +51,9 @@ def test_a_joint_follows_another_with_a_factor_and_an_offset() -> None:
 def test_joints_that_follow_each_other_have_no_state() -> None:
     joints = Joints({"claw": Mimic("slide", 1.0, 0.0), "slide": Mimic("claw", 1.0, 0.0)})
     assert joints._state_of("claw") == joints._state_of("slide") == {}
+
+
+@pytest.mark.parametrize("value", ["fast", True, [1.0], None])
+def test_what_is_no_number_is_named(value: Any) -> None:
+    with pytest.raises(ValueError, match=r"^rate is .*; it must be a number$"):
+        module._number("rate", value)
