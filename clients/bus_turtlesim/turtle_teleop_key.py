@@ -60,7 +60,7 @@ class TeleopTurtle(Node):
 
 
 def _cancel(sent: Any) -> None:
-    if sent.result() is not None and sent.result().accepted:
+    if sent.exception() is None and sent.result() is not None and sent.result().accepted:
         sent.result().cancel_goal_async()
 
 

@@ -28,6 +28,9 @@ class Spawner:
                 self._log.info("Service is not ready")
                 return False
             self._answer = self._client.call_async(self._kind.Request(name=self._name, x=4.0, y=2.0))
+        elif self._answer.done() and (error := self._answer.exception()) is not None:
+            self._log.info(f"Spawn failed: {error}")
+            self._answer = None  # perhaps turtlesim has ended, and comes again
         elif self._answer.done():
             # Without a name it is refused: a turtle of that name is there.
             self._log.info(f"Successfully spawned {self._answer.result().name or self._name}")
