@@ -129,6 +129,29 @@ async def test_drops_before_a_return_of_the_publisher_hide_no_later_loss(
 
 
 @on_one_loop
+async def test_drops_at_the_end_of_a_publisher_count_once(
+    broker: FakeBroker, programs: Path, tmp_path: Path
+) -> None:
+    """busd reports after the return that it has left with number 10, of which 6 to 10 were dropped."""
+    meeting = asyncio.create_task(meet(broker))
+    async with c_programs.peer(programs, tmp_path, "listen", "/t") as listener:
+        connection = await meeting
+        match(connection, 1)
+        send(connection, 1, 2, 3, 4, 5)
+        report(connection, {"replaced": 5})
+        connection.send(m.Unmatched(endpoint=SUBSCRIPTION, other=TALKER, last_seq=10))
+        await listener.line("^5 ")
+        await connection.close()
+        connection = await meet(broker)
+        report(connection, {}, before={"replaced": 5}, missed={bytes([TALKER]) * 16: (1, 10)})
+        match(connection, 1, by=OTHER)
+        send(connection, 77, by=OTHER)
+        await listener.line("^77 ")
+        statistics = await listener.finish()
+    assert (statistics["replaced"], statistics["lost"]) == (5, 0)
+
+
+@on_one_loop
 async def test_lossless_messages_stay_in_a_full_queue(
     broker: FakeBroker, programs: Path, tmp_path: Path
 ) -> None:

@@ -277,15 +277,14 @@ static void count_missed(busd_subscription *sub, struct source *source, uint64_t
     source->missed_seq = sizes_max(source->missed_seq, last);
 }
 
-static void by_socket(busd_subscription *sub, struct source *source, busd_in body, busd_in qos, bool is_new)
+static void by_socket(busd_subscription *sub, struct source *source, busd_in body, bool is_new)
 {
     const uint64_t next_seq = busd_find_number(body, "next_seq", 1);
     if (source->seat != NULL) {
         drain(sub, source);
         source_leave(sub, source);
     }
-    const bool has_history = sub->end.qos.durability != BUSD_VOLATILE && busd_find_is(qos, "durability", "transient_local");
-    const bool comes_again = has_history || (source->is_lossless && sub->end.node->bus->is_new_busd);
+    const bool comes_again = source->has_history || (source->is_lossless && sub->end.node->bus->is_new_busd);
     if (!is_new && !comes_again)
         count_missed(sub, source, next_seq - 1);
 }
@@ -306,11 +305,12 @@ void subscription_matched(busd_subscription *sub, busd_in body, busd_in qos, con
     source->lifespan_ns = lifespan_s > 0 && lifespan_s < 1e9 ? (uint64_t)(lifespan_s * 1e9) : 0;
     source->is_lossless = sub->end.is_lossless && busd_find_is(qos, "history", "keep_all")
                           && !busd_find_is(qos, "reliability", "best_effort");
+    source->has_history = sub->end.qos.durability != BUSD_VOLATILE && busd_find_is(qos, "durability", "transient_local");
     source->is_stale = source->is_gone = source->is_complete = false;
     source->acked_seq = 0;
     source->first_seq = busd_find_number(body, "next_seq", 1);
     if (!busd_find_is(body, "route", "shm") || !bus->shares) {
-        by_socket(sub, source, body, qos, is_new);
+        by_socket(sub, source, body, is_new);
     } else {
         if (source->seat != NULL && was_gone) {
             drain(sub, source);
@@ -392,7 +392,10 @@ void sources_lost(busd_subscription *sub)
     for (struct source *source = sub->sources; source != NULL; source = source->next) {
         if (source->seat == NULL && source->routed_seq > source->last_seq) { /* they were queued for us */
             const bool is_later_counted = source->missed_seq >= source->routed_seq; /* those after them */
-            *(is_later_counted ? &sub->skipped : &sub->perhaps_skipped) += source->routed_seq - source->last_seq;
+            const bool is_over = source->is_gone && !source->is_lossless && !source->has_history; /* it repeats nothing */
+            *(is_later_counted || is_over ? &sub->skipped : &sub->perhaps_skipped) += source->routed_seq - source->last_seq;
+            if (is_over) /* they must not count a second time */
+                source->missed_seq = sizes_max(source->missed_seq, source->routed_seq);
         }
         source->before = source->routed_seq = 0;
         source->is_complete = false;
