@@ -59,6 +59,14 @@ def report(connection: FakeConnection, dropped: dict[str, int], **more: object) 
     connection.send(m.Dropped(subscription=SUBSCRIPTION, dropped=dropped, **more))  # type: ignore[arg-type]
 
 
+def play_until_the_publisher_leaves(connection: FakeConnection) -> None:
+    """Its last number is 10. busd has dropped samples 6 to 10."""
+    match(connection, 1)
+    send(connection, 1, 2, 3, 4, 5)
+    report(connection, {"replaced": 5})
+    connection.send(m.Unmatched(endpoint=SUBSCRIPTION, other=TALKER, last_seq=10))
+
+
 # busd has dropped samples 3 and 4, and some of 6 to 12. Columns: the drops that it has reported before the
 # loss of the connection, all drops until then, and the fates of these nine samples.
 STORIES = [
@@ -106,14 +114,11 @@ async def test_each_sample_counts_once(
 async def test_drops_before_a_return_of_the_publisher_hide_no_later_loss(
     broker: FakeBroker, programs: Path, tmp_path: Path
 ) -> None:
-    """busd has dropped 6 to 10; the subscription is away from 12 to 16."""
+    """The subscription is away from 12 to 16."""
     meeting = asyncio.create_task(meet(broker))
     async with c_programs.peer(programs, tmp_path, "listen", "/t") as listener:
         connection = await meeting
-        match(connection, 1)
-        send(connection, 1, 2, 3, 4, 5)
-        report(connection, {"replaced": 5})
-        connection.send(m.Unmatched(endpoint=SUBSCRIPTION, other=TALKER, last_seq=10))
+        play_until_the_publisher_leaves(connection)
         match(connection, 11)
         send(connection, 11)
         await listener.line("^11 ")
@@ -132,14 +137,11 @@ async def test_drops_before_a_return_of_the_publisher_hide_no_later_loss(
 async def test_drops_at_the_end_of_a_publisher_count_once(
     broker: FakeBroker, programs: Path, tmp_path: Path
 ) -> None:
-    """busd reports after the return that it has left with number 10, of which 6 to 10 were dropped."""
+    """busd reports it once more after the subscription's return."""
     meeting = asyncio.create_task(meet(broker))
     async with c_programs.peer(programs, tmp_path, "listen", "/t") as listener:
         connection = await meeting
-        match(connection, 1)
-        send(connection, 1, 2, 3, 4, 5)
-        report(connection, {"replaced": 5})
-        connection.send(m.Unmatched(endpoint=SUBSCRIPTION, other=TALKER, last_seq=10))
+        play_until_the_publisher_leaves(connection)
         await listener.line("^5 ")
         await connection.close()
         connection = await meet(broker)
