@@ -86,13 +86,11 @@ def _do_after_collection(work: Callable[[], None]) -> None:
     loop, in another thread, cancelled their tasks meanwhile, they would fail: "coroutine already executing".
     """
     _after_collection.append(work)
+    # It is never removed, because another thread may walk through that list.
     if _collected not in gc.callbacks:
-        gc.callbacks.append(
-            _collected
-        )  # and never removed, because another thread may walk through that list
-    gc.collect(
-        0
-    )  # does nothing during a collection, which calls `_collected` at its end; otherwise this one does
+        gc.callbacks.append(_collected)
+    # During a collection this does nothing, and that one calls `_collected` at its end.
+    gc.collect(0)
 
 
 def _collected(phase: str, info: object) -> None:

@@ -242,7 +242,8 @@ class ServiceServer(ServiceBase):
         core = core_of(self._replies)
         answer = self._encode(request_id, response, error)
         size = len(answer.payload)
-        if size > core.max_bytes:
+        is_too_large = size > core.max_bytes
+        if is_too_large:
             # Perhaps the client requested that much: it gets the error, and the server continues for the
             # others.
             too_large = PayloadTooLarge(self._replies.topic_name, size_bytes=size, limit_bytes=core.max_bytes)
@@ -251,12 +252,12 @@ class ServiceServer(ServiceBase):
         try:
             if not self._late:
                 if self._publish(answer):
-                    return size <= core.max_bytes
+                    return not is_too_large
                 core.refused -= 1  # it is not lost
             self._keep(answer)
         except (ConnectionClosed, PayloadTooLarge):
-            pass  # not even the error is below the limit
-        return size <= core.max_bytes
+            pass  # PayloadTooLarge: not even the error is below the limit
+        return not is_too_large
 
     def _refuse(self, request_id: RequestId, error: Exception) -> None:
         """Answer the client with the error of a callback."""
@@ -416,5 +417,5 @@ class _Work:
 def _text_of(error: Exception) -> str:
     try:
         return f"{type(error).__name__}: {error}"
-    except Exception:  # of its own __str__
+    except Exception:  # its __str__ has failed
         return type(error).__name__

@@ -128,7 +128,7 @@ class Mirrors:
         self._leaving: dict[bytes, asyncio.Task[None]] = {}
         """Tasks for publishers that have gone but have waiting messages."""
         self._lateness: WeakValueDictionary[tuple[str, ...], Lateness] = WeakValueDictionary()
-        """By clock of their messages. Routes in keep them."""
+        """Each clock of messages has one. The routes in hold them."""
         self._pasts = Pasts()
         self._stays = Stays()
         self._is_due = asyncio.Event()
