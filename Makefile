@@ -199,8 +199,8 @@ fmt: $(TOOLS) ## format the sources
 bench-quick: $(BENCH_STAMP) $(ROS_STAMP) ## latency, throughput, fan-out, cost, start ... beside rivals, about two minutes
 	$(BIN)/python -m benchmarks --quick
 
-bench: $(BENCH_STAMP) $(ROS_STAMP) ## the same, longer: about an hour
-	$(BIN)/python -m benchmarks
+bench: $(BENCH_STAMP) $(ROS_STAMP) ## the same, longer: about an hour (ARGS="--only bags --into benchmarks/results/....json")
+	$(BIN)/python -m benchmarks $(ARGS)
 
 chaos: $(TOOLS) ## kill, stop, cut off and starve the processes of a bus, and see what holds (SECONDS=60 SEED=7)
 	@PYTHONPATH=tests $(BIN)/python -m chaos --seconds $(or $(SECONDS),60) $(if $(SEED),--seed $(SEED))

@@ -7,7 +7,9 @@ from importlib import import_module
 from pathlib import Path
 from time import monotonic
 
-from benchmarks import report
+import msgspec
+
+from benchmarks import merge, report
 from benchmarks.machine import ROOT, look_at_machine
 from benchmarks.plan import Plan
 from bus_cli.bench.interrupts import deferred, end_on_signals
@@ -42,35 +44,42 @@ _QUICK_REPETITIONS, _REPETITIONS = 1, 5
 
 
 def main() -> int:
-    """Run the benchmarks; returns 0, 1 if a measurement failed, or 130 after Ctrl-C."""
+    """Run the benchmarks; returns 0, 1 if a measurement failed, 2 if a saved result
+    can't be continued, or 130 after Ctrl-C."""
     options = _parser().parse_args()
     end_on_signals()
     plan = Plan(options.quick, options.repetitions or (_QUICK_REPETITIONS if options.quick else _REPETITIONS))
-    sections: list[report.Section] = []
     path: Path | None = None
     try:
-        began, machine = report.began_now(), look_at_machine()
-        print(machine.describe(), end="\n\n", flush=True)
+        result = report.Result(
+            report.FORMAT, report.began_now(), plan.quick, plan.repetitions, look_at_machine(), []
+        )
+        if options.into:
+            result = merge.base(options.into, result)
+        print(result.machine.describe(), end="\n\n", flush=True)
         if plan.quick:
             print("quick: too few messages and repetitions for more than a first look\n", flush=True)
-        for name in options.only or BENCHMARKS:
+        for name in options.only or [one for one in BENCHMARKS if result.section(one) is None]:
             with deferred():  # an import may swallow an interrupt
                 measure: Callable[[Plan], report.Section] = import_module(f"benchmarks.{name}").run
             begin_s = monotonic()
             section = measure(plan)
             plan.tell("")
-            print(f"{report.render(section)}* took {monotonic() - begin_s:.0f} s\n", flush=True)
-            sections.append(section)
+            section = msgspec.structs.replace(section, took_s=round(monotonic() - begin_s))
+            print(f"{report.render(section)}* took {section.took_s} s\n", flush=True)
+            result = merge.add(result, section, BENCHMARKS)
             if not options.no_save:
-                result = report.Result(report.FORMAT, began, plan.quick, plan.repetitions, machine, sections)
-                path = options.output or RESULTS / report.file_name(result)
+                path = options.into or options.output or RESULTS / report.file_name(result)
                 report.save(result, path)  # after each one, because a run takes long
+    except report.Unreadable as error:
+        print(error, file=sys.stderr)
+        return 2
     except KeyboardInterrupt:
         print(f"interrupted; {_saved(path) if path else 'nothing saved'}", file=sys.stderr)
         return 130
     if path:
         print(_saved(path))
-    return 1 if any(section.has_failures for section in sections) else 0
+    return 1 if any(section.has_failures for section in result.sections) else 0
 
 
 def _saved(path: Path) -> str:
@@ -85,8 +94,15 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--quick", action="store_true", help="fewer and shorter: about two minutes")
     parser.add_argument("--only", action="append", choices=BENCHMARKS, help="only this one (can be repeated)")
     parser.add_argument("--repetitions", type=_positive, metavar="N", help="how often each case is measured")
-    parser.add_argument("--output", type=Path, metavar="FILE", help="where the JSON goes")
-    parser.add_argument("--no-save", action="store_true", help="print only")
+    target = parser.add_mutually_exclusive_group()
+    target.add_argument("--output", type=Path, metavar="FILE", help="where the JSON goes")
+    target.add_argument(
+        "--into",
+        type=Path,
+        metavar="FILE",
+        help="add the benchmarks of --only to this result, or all that it does not have yet",
+    )
+    target.add_argument("--no-save", action="store_true", help="print only")
     return parser
 
 

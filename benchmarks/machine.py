@@ -30,6 +30,8 @@ _PACKAGES = (
     "hiredis",
 )
 _SERVERS = ("nats-server", "redis-server")
+PRODUCT = ("busd", "clients", "setup.py")
+"""The files and folders that a benchmark measures."""
 _PATH = os.pathsep.join([os.environ.get("PATH", os.defpath), "/usr/sbin", "/usr/local/sbin"])
 _COMMAND_S = 5.0
 _GOVERNOR = "/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor"
@@ -136,6 +138,20 @@ def _commit() -> str:
     """The short commit, with a + if files differ from it; empty without git."""
     commit = _git("rev-parse", "--short=12", "HEAD")
     return commit + ("+" if commit and _git("status", "--porcelain", "--untracked-files=no") else "")
+
+
+def changes_since(commit: str) -> list[str] | None:
+    """The files of `PRODUCT` that differ from `commit`.
+
+    None if git does not know that commit, or if files differed from it (a + at its end).
+    """
+    if (
+        not commit
+        or commit.endswith("+")
+        or not _git("rev-parse", "--verify", "--quiet", f"{commit}^{{commit}}")
+    ):
+        return None
+    return _git("diff", "--name-only", commit, "--", *PRODUCT).splitlines()
 
 
 def _git(*arguments: str) -> str:

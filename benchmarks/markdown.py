@@ -1,4 +1,4 @@
-"""A result as Markdown: the report, and the short table of the README. Pure: makes text from a result.
+"""A result as Markdown: the report, the tables beside it, and the README's short table. Pure: makes text.
 
 Knows which figures matter most. Draws no pictures, only names their files.
 """
@@ -24,6 +24,8 @@ from bus_cli.bench.figures import bytes_text
 
 FOLDER = "pictures"
 """The folder of the pictures, beside the report."""
+TABLES = "TABLES.md"
+"""The file of the tables, beside the report."""
 SPEED = ("<!-- speed -->", "<!-- /speed -->")
 """The marks before and after the table in the README."""
 
@@ -68,18 +70,35 @@ def report_of(result: Result, source: str) -> str:
     parts = [
         "# Benchmark report",
         f"Made by `make bench-report RESULT=benchmarks/{source}` from [{source}]({source}); edit neither. "
-        "How it is measured is in [README.md](README.md). Figures are `median (min - max)` over the "
-        f"repetitions ({result.repetitions} of latency and throughput); compare those of one run only.",
+        "How it is measured is in [README.md](README.md), and every figure in "
+        f"[{TABLES}]({TABLES}). {_reading(result)}",
         _facts(result),
         *_in_short(result),
         *_headlines(result),
+        *_pictures(result),
         *_goals(result),
         *_troubles(result),
     ]
-    pictures = available(result)
-    for section in result.sections:
-        parts += _section(section, [one for one in pictures if one.section == section.name])
     return "\n\n".join(parts) + "\n"
+
+
+def tables_of(result: Result, source: str) -> str:
+    """The tables of all sections, beside the report. `source` as in `report_of`."""
+    parts = [
+        "# Benchmark tables",
+        f"Every figure of [the benchmark report](REPORT.md), made with it from [{source}]({source}); "
+        f"edit neither. {_reading(result)}",
+    ]
+    for section in result.sections:
+        parts += _section(section)
+    return "\n\n".join(parts) + "\n"
+
+
+def _reading(result: Result) -> str:
+    return (
+        "Figures are `median (min - max)` over the repetitions "
+        f"({result.repetitions} of latency and throughput); compare those of one run only."
+    )
 
 
 def speed_of(result: Result) -> str:
@@ -138,8 +157,9 @@ def _facts(result: Result) -> str:
         f"{name} {version}" for name, version in (machine.packages | machine.servers).items()
     )
     kind = "a quick one, which is no measurement" if result.is_quick else "a full one"
+    took_min = round(sum(one.took_s for one in result.sections) / 60)
     rows = [
-        ["run", f"{result.began}, {kind}"],
+        ["run", f"{result.began}, {kind}" + (f", {took_min} minutes" if took_min else "")],
         ["commit", machine.commit or "unknown"],
         ["machine", f"{machine.hardware()}; load {machine.load:.2f} at the start"],
         ["Python", machine.python],
@@ -173,6 +193,13 @@ def _headlines(result: Result) -> Iterator[str]:
     yield "## Goals"
     yield f"{met} of {len(asked)} are met. Ratios are made within a repetition."
     yield _table(["busd / whom it is compared with", "median (min - max)", "goal", ""], rows)
+
+
+def _pictures(result: Result) -> Iterator[str]:
+    pictures = available(result)
+    if pictures:
+        yield "## Pictures"
+    yield from (_picture(one) for one in pictures)
 
 
 def _goals(result: Result) -> Iterator[str]:
@@ -222,9 +249,8 @@ def _place(section: Section, at: float) -> str:
     return bytes_text(int(at)) if section.axis.endswith(" B") else f"{at:g}"
 
 
-def _section(section: Section, pictures: Sequence[Picture]) -> Iterator[str]:
+def _section(section: Section) -> Iterator[str]:
     yield f"## {_text(section.title)}"
-    yield from (_picture(one) for one in pictures)
     headings = section.headings()
     matrices = [key for key in _MATRICES.get(section.name, ()) if _has_matrix(section, key)]
     for key in matrices:

@@ -75,7 +75,10 @@ class Comparison(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Section(msgspec.Struct, frozen=True):
-    """The results of one benchmark. `axis` is the meaning of `Row.at`, with its unit: "size in B"."""
+    """The results of one benchmark. `axis` is the meaning of `Row.at`, with its unit: "size in B".
+
+    `took_s`: the duration of the measurement, in s.
+    """
 
     name: str
     title: str
@@ -84,6 +87,7 @@ class Section(msgspec.Struct, frozen=True):
     comparisons: list[Comparison] = []
     notes: list[str] = []
     axis: str = ""
+    took_s: int = 0
 
     @property
     def has_failures(self) -> bool:
@@ -205,7 +209,7 @@ def save(result: Result, path: Path) -> None:
 
 
 class Unreadable(Exception):
-    """The reason why a file is not a result, as a text for people."""
+    """The reason why a file is not a usable result, as a text for people."""
 
 
 def load(path: Path) -> Result:

@@ -1,4 +1,4 @@
-"""`python -m benchmarks.write RESULT.json`: writes the report, its pictures and the README's table."""
+"""`python -m benchmarks.write RESULT.json` writes the report, its pictures and tables, and README's table."""
 
 import argparse
 import sys
@@ -47,19 +47,21 @@ def _publish(result: Result, path: Path) -> None:
     source = path.relative_to(REPORT.parent).as_posix()
     readme = markdown.with_speed(README.read_text(), markdown.speed_of(result))
     REPORT.write_text(markdown.report_of(result, source))
+    (REPORT.parent / markdown.TABLES).write_text(markdown.tables_of(result, source))
     README.write_text(readme)
 
 
 def _preview(result: Result, path: Path, folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     (folder / REPORT.name).write_text(markdown.report_of(result, path.name))
+    (folder / markdown.TABLES).write_text(markdown.tables_of(result, path.name))
     (folder / "speed.md").write_text(markdown.speed_of(result) + "\n")
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks.write",
-        description="Make benchmarks/REPORT.md, its pictures and the table in README.md from one result.",
+        description="Make REPORT.md, TABLES.md, the pictures, and the table in README.md from one result.",
     )
     parser.add_argument("result", type=Path, metavar="RESULT.json")
     parser.add_argument("--preview", type=Path, metavar="FOLDER", help="write all there, and no README")
