@@ -8,6 +8,7 @@ import msgspec
 import pytest
 
 import bus
+from bus.endpoint.endpoint import core_of
 from conftest import WAIT_S, Daemon
 
 KEEP_ALL = bus.QoSProfile(history="keep_all")
@@ -62,13 +63,14 @@ def forget_calls(
 
     Of its denials, in the returned list, the first `lost` are lost, too.
     """
-    server._at_work.clear()
-    deny, denials = server._deny, list[bus.RequestId]()
+    core = core_of(server)
+    core.at_work.clear()
+    deny, denials = core._deny, list[bus.RequestId]()
 
     def lose(one: bus.RequestId) -> None:
         denials.append(one)
         if len(denials) > lost:
             deny(one)
 
-    monkeypatch.setattr(server, "_deny", lose)
+    monkeypatch.setattr(core, "_deny", lose)
     return denials

@@ -12,6 +12,7 @@ from uuid import uuid4
 import msgspec
 
 from bus.base.awaited import done_anyway, to_be_awaited
+from bus.endpoint.endpoint import core_of
 from bus.errors import (
     BusError,
     ConfigurationError,
@@ -22,7 +23,7 @@ from bus.errors import (
 )
 from bus.names import validate_topic_name
 from bus.node import Node
-from bus.service.client import CallLost
+from bus.service.client_core import CallLost
 from bus_actions.action_type import ActionSupport, action_support
 from bus_actions.endpoints import ActionQoS, ClientEndpoints
 from bus_actions.errors import ActionUnavailable, GoalAborted, GoalCanceled, GoalRejected
@@ -277,14 +278,14 @@ class ActionClient:
         if goal_id in self._goals:
             raise LocalProtocolError(f"goal {goal_id.hex()} was sent already")
         try:
-            ends.goal._check_served()
+            core_of(ends.goal).check_served()
         except ServiceUnavailable:
             raise ActionUnavailable(self.name, "no server exists now; see wait_for_server") from None
         support = self._support
         request = support.send_goal.Request(goal_id=support.goal_id(goal_id), goal=goal)
         sent = _Sent(ClientGoal(self, goal_id, goal), asyncio.get_running_loop().create_future())
         while not (number := ends.goal.send_request(request)):
-            await ends.goal._requests.wait_for_room()
+            await core_of(ends.goal).requests.wait_for_room()
         self._sent[number] = sent
         self._goals[goal_id] = sent.goal  # feedback may come before the answer
         self._counts["sent"] += 1
@@ -338,7 +339,7 @@ class ActionClient:
         request = support.get_result.Request(goal_id=support.goal_id(goal.id))
         try:
             ends = self._opened()
-            ends.result._check_served()
+            core_of(ends.result).check_served()
             number = ends.result.send_request(request)
         except ServiceUnavailable:
             self._end_goal(goal, self._without_result(goal))
@@ -380,11 +381,11 @@ class ActionClient:
     async def _ask_to_cancel(self, goal_id: bytes) -> Any:
         ends = self._opened()
         try:
-            ends.cancel._check_served()
+            core_of(ends.cancel).check_served()
         except ServiceUnavailable:
             raise ActionUnavailable(self.name, _LEFT) from None
         while not (number := self._request_cancel(goal_id)):
-            await ends.cancel._requests.wait_for_room()
+            await core_of(ends.cancel).requests.wait_for_room()
         answer = self._cancels[number] = asyncio.get_running_loop().create_future()
         try:
             return await answer

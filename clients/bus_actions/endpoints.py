@@ -85,7 +85,7 @@ class ServerEndpoints:
             self.goal = await node.create_service(
                 support.send_goal, f"{begin}send_goal", qos=qos.goal_service, on_request=on_goal
             )
-            core_of(self.goal._requests).on_end = on_end
+            core_of(core_of(self.goal).requests).on_end = on_end
         except BaseException:
             await self.close()
             raise
@@ -96,9 +96,9 @@ class ServerEndpoints:
         return self.goal.service_name.removesuffix(f"{_HIDDEN}send_goal")
 
     def answer_result(self, request_id: RequestId, response: Any, error: str = "") -> None:
-        """As `_answer` of the service `result`, after the feedback that was published before."""
+        """As `ServerCore.answer` of the service `result`, after the feedback that was published before."""
         core_of(self.feedback).hand_over()  # by the socket it would wait for the end of this turn
-        self.result._answer(request_id, response, error)
+        core_of(self.result).answer(request_id, response, error)
 
     async def close(self) -> None:
         await _close(self, ("goal", "cancel", "result", "feedback", "status"))

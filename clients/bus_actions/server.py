@@ -16,6 +16,7 @@ import msgspec
 from bus.base.awaited import done_anyway, to_be_awaited
 from bus.base.callbacks import call_async, is_async
 from bus.diagnostics.slow_callback import watched
+from bus.endpoint.endpoint import core_of
 from bus.errors import (
     BusError,
     ConfigurationError,
@@ -25,6 +26,7 @@ from bus.errors import (
 )
 from bus.names import validate_topic_name
 from bus.node import Node
+from bus.node.node import report_error
 from bus.service.server import RequestId
 from bus.types.support import type_support
 from bus_actions.action_type import ActionSupport, action_support
@@ -247,7 +249,7 @@ class ActionServer:
                 if outcome is not None:
                     await outcome
             except Exception as error:
-                self._node._fail(error)
+                report_error(self._node, error)
             except BaseException:
                 await self.close()
                 raise
@@ -322,7 +324,7 @@ class ActionServer:
         except Exception as error:
             if self._ends is not None:
                 service = self._ends.goal if end == "goal" else self._ends.cancel
-                service._refuse(request_id, error)
+                core_of(service).refuse(request_id, error)
             raise
 
     def _answer_goal(self, request: Any, request_id: RequestId, *, is_wanted: bool) -> None:
@@ -340,12 +342,12 @@ class ActionServer:
                 self._node.get_logger().warning(f"action '{self.name}' rejects a goal: {error}")
         if record is None:
             self._counts["rejected"] += 1
-            self._ends.goal._answer(request_id, response)
+            core_of(self._ends.goal).answer(request_id, response)
             return
         self._counts["accepted"] += 1
         response.accepted = True
         response.stamp.sec, response.stamp.nanosec = divmod(record.stamp_ns, _NS)
-        self._ends.goal._answer(request_id, response)
+        core_of(self._ends.goal).answer(request_id, response)
         goal = self._goals[record.id] = ServerGoal(self, record, request.goal)
         self._publish_status()
         self._executions.add(goal)
@@ -369,7 +371,7 @@ class ActionServer:
             if goal.is_cancel_requested:
                 goal.canceled()
         except Exception as error:
-            self._node._fail(error)
+            report_error(self._node, error)
         finally:
             self._settle(goal)
 
@@ -455,7 +457,7 @@ class ActionServer:
         canceled = [goal for goal in goals if goal.status in (GoalStatus.ACCEPTED, GoalStatus.EXECUTING)]
         response.goals_canceling = [self._support.info_of(goal._record) for goal in canceled]
         if self._ends is not None:
-            self._ends.cancel._answer(request_id, response)
+            core_of(self._ends.cancel).answer(request_id, response)
         for goal in canceled:
             self._advance(goal, GoalEvent.CANCEL_GOAL)
             if not self._executions.cancel(goal):
@@ -474,7 +476,7 @@ class ActionServer:
             self._send_result(request_id, goal._response)
         elif len(goal._waiting) >= _MOST_WAITING and self._ends is not None:
             text = f"{_MOST_WAITING} requests wait for the result of goal {goal.id.hex()} already"
-            self._ends.result._answer(request_id, None, text)
+            core_of(self._ends.result).answer(request_id, None, text)
         else:
             goal._waiting.append(request_id)
 

@@ -9,10 +9,11 @@ import pytest
 
 import bus
 from bridging import KEPT, LATCHED, LOSSLESS, Made, received, world
+from bus.endpoint.endpoint import core_of
 from bus.link.link import Link
 from bus.msg.std_msgs import Int32, String
 from bus.names import service_of_topic
-from bus.service import client as client_module
+from bus.service import client_core as client_module
 from bus.srv.example_interfaces import AddTwoInts
 from bus.wire.messages import Observe
 from bus_bridge.core.rules import TopicRule
@@ -121,9 +122,9 @@ async def test_a_call_whose_answer_the_bridge_loses_ends(
         call = asyncio.ensure_future(client.call(AddTwoInts.Request()))
         await until(lambda: held)
         await until(
-            lambda: client._calls[held[0].number].looks > 1
+            lambda: core_of(client)._calls[held[0].number].looks > 1
         )  # it has asked in vain: the call is at work
-        server._at_work.clear()  # as if the answer had been sent, and lost
+        core_of(server).at_work.clear()  # as if the answer had been sent, and lost
         with pytest.raises(bus.ServiceUnavailable, match="was lost on the way to or from another bus"):
             await call
 

@@ -10,6 +10,7 @@ import pytest
 import bus
 import c_programs
 from bridging import Made, Site, world
+from bus.endpoint.endpoint import core_of
 from bus.srv.example_interfaces import AddTwoInts
 from bus_bridge.batch import Sample
 from programs import Program, running_command
@@ -120,8 +121,8 @@ async def test_a_call_in_c_at_work_goes_on_after_questions(
         service, held = await held_server(await left.node("server"))
         async with calling(tmp_path, programs / "service", right) as client:
             call = await held.get()
-            before = service._requests.statistics().delivered
-            await until(lambda: service._requests.statistics().delivered >= before + 2)
+            before = core_of(service).requests.statistics().delivered
+            await until(lambda: core_of(service).requests.statistics().delivered >= before + 2)
             service.respond(call, AddTwoInts.Response(sum=5))
             await client.line("^answer 5")
             assert await client.end() == 0

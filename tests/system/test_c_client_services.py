@@ -9,6 +9,7 @@ import pytest
 
 import bus
 import c_programs
+from bus.endpoint.endpoint import core_of
 from bus.srv.example_interfaces import AddTwoInts
 from bus.types.classes import message_class, service_class
 from conftest import Daemon
@@ -80,6 +81,18 @@ async def test_a_client_in_c(node: bus.Node, service: Path, tmp_path: Path, rout
     answers = [line for line in client.lines if line.startswith("answer ")]
     assert answers == ["answer 2", "answer -121: a is negative", "answer 4"]
     assert client.lines[-1] == "requests 3 responses 3 errors 1 late 0 open 0 matches 1"
+
+
+async def test_a_long_reason_is_cut_between_characters(
+    node: bus.Node, service: Path, tmp_path: Path, route: str
+) -> None:
+    server: bus.ServiceServer = await node.create_service(
+        AddTwoInts, "/add", on_request=lambda request, call: server.respond(call, None, "é" * 300)
+    )
+    async with running_command(tmp_path, service, "call", "/add", "1") as client:
+        assert await client.end() == 0
+    (answer,) = [line for line in client.lines if line.startswith("answer ")]
+    assert answer.removesuffix(": Remote I/O error") == "answer -121: " + "é" * 199
 
 
 async def test_a_server_in_python_that_ends_fails_the_calls(
@@ -201,7 +214,7 @@ async def test_calls_survive_a_kill_of_busd(
         await server.line("request 1000")
         daemon.kill()
         daemon.restart()
-        await until(lambda: [call.looks for call in client._calls.values()] == [2])  # asked twice
+        await until(lambda: [call.looks for call in core_of(client)._calls.values()] == [2])  # asked twice
         async with asyncio.timeout(20):
             while True:
                 try:

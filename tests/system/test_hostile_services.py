@@ -10,6 +10,7 @@ import msgspec
 import pytest
 
 import bus
+from bus.endpoint.endpoint import core_of
 from bus.events import PublisherEvents
 from bus.publisher import Publisher
 from bus.srv.example_interfaces import AddTwoInts
@@ -132,13 +133,13 @@ class TestLies:
         client = await other.create_client(AddTwoInts, "add")
         call = asyncio.ensure_future(client.call(asked(1, 2)))
         await called.wait()
-        lies = bad_replies(client._gid)
+        lies = bad_replies(core_of(client).gid)
         foreign = [_encode([_GID, 1, "", [4]]), _encode([_GID, 1, "it failed", None])]
-        unasked = [_encode([client._gid, number, "", [5]]) for number in (0, 2, 2**64 - 1)]
-        unasked.append(_SUPPORT.encode_denial(client._gid, 3))
+        unasked = [_encode([core_of(client).gid, number, "", [5]]) for number in (0, 2, 2**64 - 1)]
+        unasked.append(_SUPPORT.encode_denial(core_of(client).gid, 3))
         send(await liar(other, "/add/_reply", _SUPPORT.replies(b"")), [*lies, *foreign, *unasked])
         await until(lambda: client.statistics().late == len(unasked))
-        assert client._replies.statistics().dropped == {"undecodable": len(lies)}
+        assert core_of(client).replies.statistics().dropped == {"undecodable": len(lies)}
         may_answer.set()
         assert (await call).sum == 3
         assert client.statistics().pending == 0
@@ -148,7 +149,7 @@ class TestLies:
 
         def twice(request: AddTwoInts.Request) -> AddTwoInts.Response:
             response = AddTwoInts.Response(sum=7)
-            server.respond(bus.RequestId(client._gid, request.a), response)
+            server.respond(bus.RequestId(core_of(client).gid, request.a), response)
             return response
 
         server = await node.create_service(AddTwoInts, "add", twice)

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 import bus_ros.rclpy as rclpy
+from bus.endpoint.endpoint import core_of
 from bus.errors import ServiceError
 from bus.shm import has_core
 from bus_actions import ActionUnavailable, GoalStatus, goal_table
@@ -458,16 +459,16 @@ def test_answers_without_room_follow_later(ends: Ends, monkeypatch: pytest.Monke
     async def wait() -> None: ...
 
     for name in ("goal", "result"):
-        end = getattr(server._ends, name)
+        core = core_of(getattr(server._ends, name))
 
-        def publish(answer: Any, name: str = name, publish: Any = end._publish) -> Any:
+        def publish(answer: Any, name: str = name, publish: Any = core._publish) -> Any:
             if name in refused:
                 return publish(answer)
             refused.append(name)
             return False
 
-        monkeypatch.setattr(end, "_publish", publish)
-        monkeypatch.setattr(end, "wait_for_room", wait)
+        monkeypatch.setattr(core, "_publish", publish)
+        monkeypatch.setattr(core.replies, "wait_for_room", wait)
     assert ends.result(ends.send(2)) == (GoalStatus.SUCCEEDED, [0, 1])
     assert refused == ["goal", "result"]
 

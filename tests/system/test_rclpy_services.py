@@ -8,8 +8,9 @@ from typing import Any
 import pytest
 
 import bus_ros.rclpy as rclpy
+from bus.endpoint.endpoint import core_of
 from bus.errors import ServiceError
-from bus.service.client import MAX_PENDING
+from bus.service.client_core import MAX_PENDING
 from bus_ros.rclpy.callback_groups import ReentrantCallbackGroup
 from bus_ros.rclpy.client import Client
 from bus_ros.rclpy.exceptions import InvalidHandle
@@ -244,14 +245,13 @@ def test_an_answer_without_room_follows_later(
     """Under keep all, a slow client must not end the server."""
     service = server.create_service(AddTwoInts, "add", lambda request, response: response)
     outcomes = [False]
-    publish = service.native._publish
-    monkeypatch.setattr(
-        service.native, "_publish", lambda answer: outcomes.pop() if outcomes else publish(answer)
-    )
+    core = core_of(service.native)
+    publish = core._publish
+    monkeypatch.setattr(core, "_publish", lambda answer: outcomes.pop() if outcomes else publish(answer))
 
     async def wait() -> None: ...
 
-    monkeypatch.setattr(service.native, "wait_for_room", wait)
+    monkeypatch.setattr(core.replies, "wait_for_room", wait)
     with world.spinning(server):
         assert client.wait_for_service(timeout_sec=WAIT_S)
         assert client.call(asked(1), timeout_sec=WAIT_S).sum == 0

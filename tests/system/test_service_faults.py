@@ -10,8 +10,9 @@ from typing import Any, ClassVar
 import pytest
 
 import bus
+from bus.endpoint.endpoint import core_of
 from bus.msg import Message, string
-from bus.service import client as client_module
+from bus.service import client_core as client_module
 from bus.srv.example_interfaces import AddTwoInts
 from bus.srv.std_srvs import Trigger
 from conftest import SOON_S, Daemon
@@ -306,7 +307,9 @@ class TestProcesses:
         client = await other.create_client(AddTwoInts, "add")
         await client.wait_for_service()
         async with running(tmp_path, "-c", CLIENT.replace("range(50)", "range(150)")) as doomed:
-            await until(lambda: len(begun) == at_once and service._requests.statistics().expected == 150)
+            await until(
+                lambda: len(begun) == at_once and core_of(service).requests.statistics().expected == 150
+            )
             doomed.process.send_signal(signal.SIGKILL)
             await doomed.end()
         await until(lambda: service.statistics().clients == 1)
@@ -323,10 +326,10 @@ class TestProcesses:
         client = await other.create_client(AddTwoInts, "add")
         await client.wait_for_service()
         await until(lambda: service.statistics().clients == 1)
-        service._lose(client._requests.gid)
+        core_of(core_of(service).requests).on_lost(core_of(client).gid)
         assert (await client.call(asked(3))).sum == 3
         assert service.statistics().skipped == 0
-        assert not service._lost
+        assert not core_of(service)._lost
 
     async def test_a_broker_that_dies(self, node: bus.Node, other: bus.Node, daemon: Daemon) -> None:
         """Later calls are answered. Calls in progress are answered, too, or their caller gives up."""
@@ -412,7 +415,7 @@ class TestLostWithBusd:
         daemon.restart()
         await until(lambda: len(held) == 2)
         await client.wait_for_service()
-        await until(lambda: all(one.looks for one in client._calls.values()))  # it has asked
+        await until(lambda: all(one.looks for one in core_of(client)._calls.values()))  # it has asked
         for at, one in enumerate(held):
             service.respond(one, AddTwoInts.Response(sum=at))
         assert ((await call).sum, (await second).sum) == (0, 1)
@@ -445,7 +448,7 @@ class TestLostWithBusd:
         call = asyncio.ensure_future(client.call(asked(1)))
         daemon.restart()
         await until(lambda: held)
-        await until(lambda: all(one.looks for one in client._calls.values()))  # it has asked
+        await until(lambda: all(one.looks for one in core_of(client)._calls.values()))  # it has asked
         await service.close()
         with pytest.raises(bus.ServiceUnavailable, match="it has left before it answered"):
             async with asyncio.timeout(SOON_S):

@@ -7,7 +7,8 @@ import pytest
 
 import bus
 from bridging import Made, world
-from bus.service import client as client_module
+from bus.endpoint.endpoint import core_of
+from bus.service import client_core as client_module
 from bus.srv.example_interfaces import AddTwoInts
 from conftest import Daemon
 from semantics import forget_calls, node, until
@@ -101,7 +102,7 @@ class TestOnThisBus:
     async def test_the_quick_way_is_back_with_one_server(self, node: bus.Node) -> None:
         async with bus.Node("caller", arguments=[]) as caller:
             client = await caller.create_client(AddTwoInts, "add")
-            dispatcher = client._replies_core.dispatcher
+            dispatcher = core_of(core_of(client).replies).dispatcher
             assert dispatcher is not None
             one, two = await Server().open(node), await Server().open(caller)
             await begin_call(client, one, two)

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 import bus
-from bus.service.client import MAX_PENDING
+from bus.service.client_core import MAX_PENDING
 from bus.srv.example_interfaces import AddTwoInts
 from bus.srv.std_srvs import Empty
 from conftest import Daemon

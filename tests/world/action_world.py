@@ -23,8 +23,8 @@ from bus.endpoint.core import NodeContext
 from bus.errors import BusError, ConnectionClosed, ServiceError, ServiceUnavailable
 from bus.msg.builtin_interfaces import Time
 from bus.qos import QoSProfile
-from bus.service.client import CallLost
-from bus.service.server import RequestId, ServiceServer
+from bus.service.client_core import CallLost
+from bus.service.server_core import RequestId, ServerCore
 from bus.types.support import type_support
 from bus_actions import ActionClient, ActionServer
 
@@ -43,7 +43,7 @@ class _Logger:
         self.warnings.append(text)
 
 
-class ListService(ServiceServer):
+class ListService(ServerCore):
     """A server of a service. `answers` has the request ids and responses of all its answers."""
 
     def __init__(
@@ -53,28 +53,31 @@ class ListService(ServiceServer):
         self.answers: list[tuple[RequestId, Any]] = []
         self.has_room = asyncio.Event()
         self.has_room.set()
+        self._core = self
         self._is_closed = False
         self._world = world
         link: Any = SimpleNamespace(loop=asyncio.get_running_loop())
-        self._core: Any = SimpleNamespace(on_end=None, on_lost=None, refused=0, max_bytes=2**26, link=link)
+        self._endpoint: Any = SimpleNamespace(
+            on_end=None, on_lost=None, refused=0, max_bytes=2**26, link=link
+        )
         node = NodeContext(
             link, NAME, cast(Any, world.server_node.logger), cast(Any, world.server_node)._fail
         )
         super().__init__(node, name, definition, QoSProfile(), on_request=on_request)
 
-    def _make_publisher(self, *_: object) -> Any:
+    def make_publisher(self, *_: object) -> Any:
         return SimpleNamespace(
-            publish_encoded=self._publish_encoded, wait_for_room=self._wait, _core=self._core
+            publish_encoded=self._publish_encoded, wait_for_room=self._wait, _core=self._endpoint
         )
 
-    def _make_subscription(self, *_: object) -> Any:
-        return SimpleNamespace(_core=self._core)
+    def make_subscription(self, *_: object) -> Any:
+        return SimpleNamespace(_core=self._endpoint)
 
     def _publish_encoded(self, payload: bytes) -> bool:
         if not self.has_room.is_set():
             return False
         client, number, *_ = msgspec.msgpack.decode(payload)
-        reply = self._support.replies(client).decode(payload)
+        reply = self.support.replies(client).decode(payload)
         outcome = ServiceError(self.service_name, reply.error) if reply.error else reply.body
         request_id = RequestId(client, number)
         self.answers.append((request_id, outcome))
@@ -100,14 +103,15 @@ class ListServiceClient:
         self.gid = gid
         self.on_response = on_response
         self.calls: set[int] = set()
-        self._requests = self
+        self.requests = self
+        self._core = self
         self._world = world
         self._number = 0
 
     def service_is_ready(self) -> bool:
         return self.service_name in self._world.services
 
-    def _check_served(self) -> None:
+    def check_served(self) -> None:
         if not self.service_is_ready():
             raise ServiceUnavailable(self.service_name, "no server exists")
 
@@ -165,6 +169,8 @@ class ListSubscription:
     def __init__(self, world: "ActionWorld", topic: str, callback: Callable[[Any], object]) -> None:
         self.callback = callback
         self.waiting: deque[Any] = deque()
+        self._core = self
+        self.receiver = self
         self._world = world
         self._topic = topic
 

@@ -80,22 +80,6 @@ class BlockingPublisher(_BlockingEndpoint, Generic[M]):
         self._has_new_matches = False
         self._next_try_ns = 0
 
-    @classmethod
-    async def _make(
-        cls,
-        foreground: Foreground,
-        node: Node,
-        message_type: type[M] | MessageSchema,
-        topic: str,
-        qos: QoS,
-    ) -> "BlockingPublisher[M]":
-        """Make a publisher for BlockingNode."""
-        self = cls(foreground)
-        events = PublisherEvents(matched=self._matched)
-        self._native = await node.create_publisher(message_type, topic, qos, events=events)
-        self._core = core_of(self._native)
-        return self
-
     def publish(self, message: M, timeout: float | None = None) -> None:
         """Publish `message`, from any thread. On return it is in the ring, and sent to socket subscriptions.
 
@@ -142,27 +126,10 @@ class BlockingPublisher(_BlockingEndpoint, Generic[M]):
         """Its totals."""
         return self._native.statistics()
 
-    @property
-    def _is_open(self) -> bool:
-        """It was not closed."""
-        return self._core.refusal is None
-
-    def _warn_if_unreceived(self) -> None:
-        """Warn if the script ends before any subscription has received its messages."""
-        core = self._core
-        if core.matches.total or core.qos.durability is not Durability.VOLATILE or core.refusal is not None:
-            return
-        if count := core.statistics().published:
-            what = "a message was" if count == 1 else f"{count} messages were"
-            core.logger.warning(
-                f"{what} published on '{core.topic_name}' and reached nobody: no subscription was there"
-                " (wait_for_subscriptions waits for one)"
-            )
-
     def close(self) -> None:
         """Hand over published messages, leave the graph. Closing twice is allowed."""
         if self._core.refusal is None:
-            self._warn_if_unreceived()
+            warn_if_unreceived(self)
             self._foreground.run(self._native.close)
 
     # --- inside
@@ -219,6 +186,30 @@ class BlockingPublisher(_BlockingEndpoint, Generic[M]):
             if is_taken:
                 return
             pause_s = min(2 * pause_s, _MOST_PAUSE_S)
+
+
+async def make_publisher(
+    foreground: Foreground, node: Node, message_type: type[M] | MessageSchema, topic: str, qos: QoS
+) -> BlockingPublisher[M]:
+    """Make a publisher for BlockingNode."""
+    made: BlockingPublisher[M] = BlockingPublisher(foreground)
+    events = PublisherEvents(matched=made._matched)
+    made._native = await node.create_publisher(message_type, topic, qos, events=events)
+    made._core = core_of(made._native)
+    return made
+
+
+def warn_if_unreceived(publisher: BlockingPublisher[Any]) -> None:
+    """Warn if the script ends before any subscription has received the publisher's messages."""
+    core = core_of(publisher)
+    if core.matches.total or core.qos.durability is not Durability.VOLATILE or core.refusal is not None:
+        return
+    if count := core.statistics().published:
+        what = "a message was" if count == 1 else f"{count} messages were"
+        core.logger.warning(
+            f"{what} published on '{core.topic_name}' and reached nobody: no subscription was there"
+            " (wait_for_subscriptions waits for one)"
+        )
 
 
 class BlockingSubscription(_BlockingEndpoint, Generic[M]):

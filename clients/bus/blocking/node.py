@@ -15,7 +15,13 @@ from typing import TYPE_CHECKING, Any, Literal, Self, TypeVar, overload
 
 import msgspec
 
-from bus.blocking.endpoint import BlockingPublisher, BlockingSubscription
+from bus.blocking.endpoint import (
+    BlockingPublisher,
+    BlockingSubscription,
+    make_publisher,
+    warn_if_unreceived,
+)
+from bus.endpoint.endpoint import core_of
 from bus.errors import ConnectionClosed
 from bus.graph import Graph
 from bus.link.link import Link
@@ -152,9 +158,9 @@ class BlockingNode:
         """
         foreground, node = self._opened(), self._node
         publisher: BlockingPublisher[Any] = foreground.run(
-            lambda: BlockingPublisher._make(foreground, node, message_type, topic, qos)
+            lambda: make_publisher(foreground, node, message_type, topic, qos)
         )
-        self._made = [one for one in self._made if one._is_open]
+        self._made = [one for one in self._made if core_of(one).refusal is None]
         self._made.append(publisher)
         return publisher
 
@@ -241,7 +247,7 @@ class BlockingNode:
         try:
             if self._foreground.failure is None:  # else this is a fork, and only the parent leaves
                 for publisher in self._made:
-                    publisher._warn_if_unreceived()
+                    warn_if_unreceived(publisher)
                 self._foreground.run(self._node.close)
         finally:
             self._foreground.release()

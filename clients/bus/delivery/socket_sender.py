@@ -75,6 +75,37 @@ _READERS, _HISTORY = Use.READERS, Use.HISTORY
 """Globals, because each run needs them, and an attribute of the class takes longer to find."""
 
 
+class _History:
+    """Runs of a transient local publisher, for a new busd. And the times of runs for the history alone."""
+
+    def __init__(self, depth: int, port: Port, hand_over: Callable[[], None]) -> None:
+        self.queue = RunQueue(depth, Account(STEP_BYTES))
+        self._port = port
+        self._hand_over = hand_over
+        self._due_ns = 0
+        """When the next run for the history alone is due."""
+        self._timer: Timer | None = None
+
+    def is_early(self, stamp_ns: int) -> bool:
+        """Whether a run that has begun now is handed over later, when the next one is due."""
+        if stamp_ns >= self._due_ns:
+            self._due_ns = stamp_ns + _HISTORY_NS
+            return False
+        if self._timer is None:
+            self._timer = self._port.later((self._due_ns - stamp_ns) / 1e9, self._be_due)
+        return True
+
+    def end(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
+    def _be_due(self) -> None:
+        self._timer = None
+        self._due_ns = self._port.now_ns() + _HISTORY_NS
+        self._hand_over()
+
+
 class SocketSender:
     """Numbers the samples, unless `resume` sets the number.
 
@@ -92,12 +123,9 @@ class SocketSender:
         self.on_replaced: Callable[[int], object] = int
         """Called with the number of samples that the depth has replaced here."""
         self.queue = RunQueue(depth, Account(STEP_BYTES))
-        self._history: RunQueue | None = None
+        self._history: _History | None = None
         if qos.durability is Durability.TRANSIENT_LOCAL:
-            self._history = RunQueue(depth, Account(STEP_BYTES))
-        self._history_due_ns = 0
-        """When the next run for the history alone is due."""
-        self._history_timer: Timer | None = None
+            self._history = _History(depth, port, self.hand_over)
         self._most_queued = QUEUE_BYTES
         self.next_seq = 1
         self.samples = 0
@@ -155,12 +183,7 @@ class SocketSender:
             if self._window is not None:
                 budget = self._window.bound(budget)
             self.run.budget = max(0, budget - self.run.size)
-            if self.use is _HISTORY and stamp_ns < self._history_due_ns:
-                if self._history_timer is None:
-                    delay_s = (self._history_due_ns - stamp_ns) / 1e9
-                    self._history_timer = port.later(delay_s, self._hand_over_history)
-            else:
-                self._history_due_ns = stamp_ns + _HISTORY_NS
+            if self.use is _READERS or self._history is None or not self._history.is_early(stamp_ns):
                 port.gather(self._owner)
         else:
             port.last_sent_ns = stamp_ns
@@ -274,20 +297,15 @@ class SocketSender:
             self.is_report_due = True
             self._port.report(owner)
 
-    def _hand_over_history(self) -> None:
-        self._history_timer = None
-        self._history_due_ns = self._port.now_ns() + _HISTORY_NS
-        self.hand_over()
-
     def _keep(self, run: Run) -> None:
         """Keep a run that is handed over, if it may be needed again."""
         window, history = self._window, self._history
         if window is not None:
             window.hand_over(self.next_seq - 1, len(run.body))
         if history is not None:
-            history.push(run)
-            extend(history, self._most_queued, is_lossless=window is not None)
-            history.drop_over_quota(spare=1)
+            history.queue.push(run)
+            extend(history.queue, self._most_queued, is_lossless=window is not None)
+            history.queue.drop_over_quota(spare=1)
         else:
             self.recipients.keep(run)
 
@@ -303,10 +321,10 @@ class SocketSender:
         if self._history is not None:
             # Queued runs are the end of the history, so a new broker only needs the history.
             self.queue.clear()
-            for run in self._history.newest(0, 0):
+            for run in self._history.queue.newest(0, 0):
                 run.is_replay = False
                 self.queue.push(run)
-            self.queue.account.limit = self._history.account.limit
+            self.queue.account.limit = self._history.queue.account.limit
         if self._window is not None:
             self._window.resize(answer.window_samples, answer.window_bytes)
             self._window.credit(self.first_seq_to_send() - 1)
@@ -316,7 +334,7 @@ class SocketSender:
 
     def first_seq_to_send(self) -> int:
         """The number of the first sample that a new broker will get."""
-        waiting = self._history if self._history is not None else self.queue
+        waiting = self._history.queue if self._history is not None else self.queue
         return waiting.runs[0].first_seq + waiting.skipped if waiting.runs else self.next_seq
 
     def disconnected(self) -> None:
@@ -332,9 +350,8 @@ class SocketSender:
     def end(self) -> None:
         """End: send nothing more."""
         self.forget_open()
-        if self._history_timer is not None:
-            self._history_timer.cancel()
-            self._history_timer = None
+        if self._history is not None:
+            self._history.end()
         self.queue.clear()
         self.recipients.end()
 

@@ -87,5 +87,8 @@ class _HasCore(Protocol[C]):
 
 
 def core_of(endpoint: _HasCore[C]) -> C:
-    """The part of a publisher or subscription that users do not see, for other modules of this library."""
+    """The part of a publisher, subscription, server or client of a service that users do not see.
+
+    It is for other modules of this library.
+    """
     return endpoint._core

@@ -424,7 +424,7 @@ class Node(ParameterHost, GraphHost):
             callback=callback,
             on_request=on_request,
         )
-        await self._endpoints.declare(*server._endpoints)
+        await self._endpoints.declare(*core_of(server).endpoints)
         return server
 
     @to_be_awaited
@@ -452,7 +452,7 @@ class Node(ParameterHost, GraphHost):
             profile(qos),
             on_response=on_response,
         )
-        await self._endpoints.declare(*client._endpoints)
+        await self._endpoints.declare(*core_of(client).endpoints)
         return client
 
     def create_timer(self, period_s: float, callback: Callable[[], Any]) -> Timer:
@@ -592,6 +592,11 @@ def _schema(message_type: MessageSchema, raw: bool) -> TypeSupport[Any]:
 def link_of(node: Node) -> Link | None:
     """The link of an open node, for other modules of this library."""
     return node._link
+
+
+def report_error(node: Node, error: BaseException) -> None:
+    """Report an exception as one of a callback of `node`, for other modules of this library."""
+    node._fail(error)
 
 
 def reminder_of(node: Node) -> CloseReminder:

@@ -20,56 +20,61 @@ from bus.subscription import Subscription
 from bus.types.service import ServiceSupport, keeping_all, service_support
 from bus.types.support import TypeSupport
 
-__all__ = ["ServiceBase"]
+__all__ = ["ServiceBase", "ServiceCore"]
 
 
-class ServiceBase:
-    """Base of ServiceServer and ServiceClient; not made by users."""
+class ServiceCore:
+    """Base of ServerCore and ClientCore, the parts of a service's two ends that users do not see.
 
-    _other = ""
+    The user's object refers to the core, and the core does not know the user's object.
+    """
+
+    other = ""
     """The name of the other end in warnings."""
-    _type_consequence = ""
+    type_consequence = ""
     """The consequence of different types, in warnings."""
 
-    _requests: Publisher[Any] | Subscription[Any]
-    _replies: Publisher[Any] | Subscription[Any]
+    requests: Publisher[Any] | Subscription[Any]
+    replies: Publisher[Any] | Subscription[Any]
 
     def __init__(self, node: NodeContext, service: str, service_type: Any, qos: QoSProfile) -> None:
         self.service_name = service
-        """The service's full name."""
         self.type: Any = service_type
-        """The class with `Request` and `Response`."""
         self.qos = qos
-        """The policies that it was made with."""
-        self._support: ServiceSupport = service_support(service_type)
+        self.support: ServiceSupport = service_support(service_type)
+        self.logger = node.logger
         self._node = node
-        self._logger = node.logger
 
-    def __repr__(self) -> str:
-        name = f"{core_of(self._requests).describe_state()}{self.service_name} {self._support.name}"
-        return f"<{type(self).__name__} {name} ({in_words(self.qos)}) {self._counts()}>"
+    # --- for the user's object
 
     @property
-    def _endpoints(self) -> tuple[EndpointCore[Any], EndpointCore[Any]]:
+    def endpoints(self) -> tuple[EndpointCore[Any], EndpointCore[Any]]:
         """The endpoints in the order of their declaration; they are closed in reverse order."""
         raise NotImplementedError
 
-    def _counts(self) -> str:
+    def counts(self) -> str:
         """Counts for `repr`, at any time and from any thread."""
         raise NotImplementedError
 
-    def _end(self, reason: BusError) -> None:
-        """End: nothing arrives any more."""
-        raise NotImplementedError
+    def describe_state(self) -> str:
+        """As `EndpointCore.describe_state`."""
+        return core_of(self.requests).describe_state()
 
-    async def _close(self) -> None:
-        first, second = self._endpoints
+    async def close(self) -> None:
+        """As `close` of the user's object."""
+        first, second = self.endpoints
         try:
             await second.close()
         finally:
             await first.close()
 
-    def _make_publisher(
+    # --- for the two ends
+
+    def end(self, reason: BusError) -> None:
+        """End: nothing arrives any more."""
+        raise NotImplementedError
+
+    def make_publisher(
         self, topic: str, support: TypeSupport[Any], matched: Callable[[MatchedChange], object] | None = None
     ) -> Publisher[Any]:
         return Publisher(
@@ -80,7 +85,7 @@ class ServiceBase:
             PublisherEvents(matched=matched, **self._warnings(topic)),
         )
 
-    def _make_subscription(
+    def make_subscription(
         self,
         topic: str,
         support: TypeSupport[Any],
@@ -95,7 +100,7 @@ class ServiceBase:
             SubscriptionEvents(matched=matched, **self._warnings(topic)),
             callback,
         )
-        core_of(subscription).on_end = self._end
+        core_of(subscription).on_end = self.end
         return subscription
 
     def _warnings(self, topic: str) -> dict[str, Callable[[Any], object]]:
@@ -108,14 +113,34 @@ class ServiceBase:
 
     def _warn_of_type(self, event: IncompatibleType) -> None:
         warn(
-            self._logger,
-            f"Incompatible type of service '{self.service_name}', {self._type_consequence}. "
+            self.logger,
+            f"Incompatible type of service '{self.service_name}', {self.type_consequence}. "
             f"(node {event.node}: {event.text})",
         )
 
     def _warn_of_qos(self, event: IncompatibleQoS) -> None:
         warn(
-            self._logger,
-            f"New {self._other} discovered of service '{self.service_name}', with incompatible QoS. "
+            self.logger,
+            f"New {self.other} discovered of service '{self.service_name}', with incompatible QoS. "
             f"Last incompatible policy: {event.policy} (node {event.node}: {event.text.rstrip(';')})",
         )
+
+
+class ServiceBase:
+    """Base of ServiceServer and ServiceClient; not made by users."""
+
+    _core: ServiceCore
+
+    def __init__(self, core: ServiceCore) -> None:
+        self._core = core
+        self.service_name: str = core.service_name
+        """The service's full name."""
+        self.type: Any = core.type
+        """The class with `Request` and `Response`."""
+        self.qos: QoSProfile = core.qos
+        """The policies that it was made with."""
+
+    def __repr__(self) -> str:
+        core = self._core
+        name = f"{core.describe_state()}{self.service_name} {core.support.name}"
+        return f"<{type(self).__name__} {name} ({in_words(self.qos)}) {core.counts()}>"

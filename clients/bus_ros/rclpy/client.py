@@ -4,6 +4,7 @@ from collections import deque
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
+from bus.endpoint.endpoint import core_of
 from bus.errors import BusError, ServiceUnavailable
 from bus_ros.engine import Engine, Waiter, deadline_after
 from bus_ros.entity import Entity, Group, Owner, Work
@@ -104,7 +105,7 @@ class Client(Entity, BaseClient):
             if number:
                 self._futures[number] = future
         if number and self.events is not None:
-            self.events.publish_event("REQUEST_SENT", self.native._gid, number, request=request)
+            self.events.publish_event("REQUEST_SENT", core_of(self.native).gid, number, request=request)
         if not number:
             raise RuntimeError(f"no room to call service '{self.service_name}'")
         return future
@@ -164,5 +165,7 @@ class Client(Entity, BaseClient):
 
     def _report_and_set(self, future: Future[Any], response: object, number: int) -> None:
         if self.events is not None:
-            self.events.publish_event("RESPONSE_RECEIVED", self.native._gid, number, response=response)
+            self.events.publish_event(
+                "RESPONSE_RECEIVED", core_of(self.native).gid, number, response=response
+            )
         future.set_result(response)

@@ -167,7 +167,7 @@ class Publisher(BasePublisher[M]):
             if not is_taken:
                 with self._guard:
                     if status is None:
-                        status = native._quick.publish(msg)
+                        status = self._core.sender.quick.publish(msg)
                     is_taken = status is True or native._publish_on(msg, status)
         except ConnectionClosed as error:
             raise why_closed(self, error) from None

@@ -6,6 +6,7 @@ from contextlib import AbstractContextManager
 from typing import Any
 
 from bus.base.callbacks import is_async
+from bus.endpoint.endpoint import core_of
 from bus.service.server import RequestId, ServiceServer
 from bus_ros.engine import Engine
 from bus_ros.entity import Entity, Group, Owner, Work
@@ -92,14 +93,14 @@ class BaseService(Introspected, Destroyable):
         with self._guard:
             # The callback may have destroyed it. A flood of requests may come before it is open.
             if not self.is_destroyed and hasattr(self, "native"):
-                self.native._refuse(request_id, error)
+                core_of(self.native).refuse(request_id, error)
 
     def _respond(self, request_id: RequestId, response: object) -> bool:
         """Returns False if the client gets an error instead, because the response is too large."""
         with self._guard:
             if self.is_destroyed:
                 raise InvalidHandle(f"the service '{self.service_name}' is destroyed")
-            return self.native._answer(request_id, response)
+            return core_of(self.native).answer(request_id, response)
 
 
 class Service(Entity, BaseService):
@@ -143,7 +144,7 @@ class Service(Entity, BaseService):
     def take(self, most: int) -> Work | None:
         while self._waiting:
             request, request_id = self._waiting.popleft()
-            if self.native._skip(request_id):
+            if core_of(self.native).skip(request_id):
                 continue
             answer = self._answer_async if self.is_async else self._answer
             if self.events is not None:

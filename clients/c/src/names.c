@@ -34,6 +34,14 @@ void make_utf8(char *text)
         text[bad - text] = '?';
 }
 
+/* Ends a text that was cut: if its last character is not whole, before that one. */
+void end_whole(char *text)
+{
+    const char *bad = bad_byte(text);
+    if (bad != NULL && strlen(bad) < 4)
+        text[bad - text] = '\0';
+}
+
 /* The full name of a relative, private (~) or absolute topic; NULL: no memory. */
 char *topic_name(const busd_node *node, const char *topic)
 {

@@ -90,8 +90,9 @@ static struct call *call_add(struct service *service, const busd_call *id)
     if (call == NULL)
         return NULL;
     call->id = *id;
-    call->next = service->calls;
-    service->calls = call;
+    call->older = service->newest;
+    *(call->older == NULL ? &service->calls : &call->older->next) = call;
+    service->newest = call;
     service->call_count++;
     return call;
 }
@@ -106,13 +107,9 @@ static void call_free(struct call *call)
 static struct call call_end(struct service *service, struct call *call)
 {
     struct call ended = *call;
-    for (struct call **at = &service->calls; *at != NULL; at = &(*at)->next) {
-        if (*at != call)
-            continue;
-        *at = call->next;
-        service->call_count--;
-        break;
-    }
+    *(call->older == NULL ? &service->calls : &call->older->next) = call->next;
+    *(call->next == NULL ? &service->newest : &call->next->older) = call->older;
+    service->call_count--;
     call_free(call);
     return ended;
 }
@@ -157,7 +154,7 @@ static int service_create(struct service *service, busd_node *node, const char *
 static void end_calls(struct service *service, int status, const char *error)
 {
     struct call *call = service->calls;
-    service->calls = NULL; /* an answer may begin another call */
+    service->calls = service->newest = NULL; /* an answer may begin another call */
     service->call_count = 0;
     while (call != NULL) {
         struct call *next = call->next;
@@ -214,8 +211,6 @@ void services_close(busd_node *node)
 static void end_oldest(busd_server *server)
 {
     struct call *oldest = server->service.calls;
-    while (oldest->next != NULL)
-        oldest = oldest->next;
     const busd_call id = oldest->id;
     if (busd_reply_error(server, &id, "the server has too many open calls") < 0
         && (oldest = call_find(&server->service, &id)) != NULL)
@@ -356,7 +351,9 @@ static void hear_reply(void *user, const busd_message *taken)
     client->service.errors += envelope.error.size != 0;
     if (envelope.error.size != 0) {
         char text[400];
-        snprintf(text, sizeof text, "%.*s", (int)sizes_min(envelope.error.size, sizeof text - 1), envelope.error.data);
+        if (snprintf(text, sizeof text, "%.*s", (int)sizes_min(envelope.error.size, sizeof text), envelope.error.data)
+            >= (int)sizeof text)
+            end_whole(text);
         answer(&client->service, call, -EREMOTEIO, text, NULL);
     } else if (envelope.is_nil) {
         if (deny(&client->service, call, source_find(client->service.subscription, taken->publisher)))

@@ -31,7 +31,8 @@ int fail(busd_bus *bus, int code, const char *form, ...)
 {
     va_list arguments;
     va_start(arguments, form);
-    vsnprintf(bus->error, sizeof bus->error, form, arguments);
+    if (vsnprintf(bus->error, sizeof bus->error, form, arguments) >= (int)sizeof bus->error)
+        end_whole(bus->error);
     va_end(arguments);
     return -code;
 }
@@ -49,7 +50,8 @@ void tell(busd_bus *bus, busd_event_kind kind, const struct endpoint *end, const
     if (bus->event == NULL)
         return;
     va_start(arguments, form);
-    vsnprintf(text, sizeof text, form, arguments);
+    if (vsnprintf(text, sizeof text, form, arguments) >= (int)sizeof text)
+        end_whole(text);
     va_end(arguments);
     busd_event event = {.kind = kind, .text = text, .count = kind == BUSD_DEADLINE_MISSED ? end->missed : 0};
     if (end != NULL && end->is_publisher)

@@ -11,8 +11,9 @@ from contextlib import suppress
 from functools import partial
 from typing import Any, Final
 
+from bus.endpoint.endpoint import core_of
 from bus.errors import BusError, ServiceUnavailable
-from bus.service.client import CallLost
+from bus.service.client_core import CallLost
 from bus_actions.action_type import ActionSupport, action_support
 from bus_actions.endpoints import ClientEndpoints
 from bus_actions.errors import ActionUnavailable
@@ -290,7 +291,7 @@ class ActionClient(ActionEntity):
     def _is_served(self, end: Any, future: Future[Any]) -> bool:
         """Whether there is still a server; otherwise the future gets the error."""
         try:
-            end._check_served()
+            core_of(end).check_served()
         except ServiceUnavailable:
             self._put(_finish, future, self._unavailable())
             return False
@@ -327,7 +328,7 @@ class ActionClient(ActionEntity):
             self.is_single = call[0] == self._finish_goal
             return call
         while (
-            taken := self._ends.feedback._receiver.take()
+            taken := core_of(self._ends.feedback).receiver.take()
         ) is not None:  # feedback was published before the result
             key = bytes(taken[0].goal_id.uuid)
             if key in self._unanswered:  # it may overtake the answer, which is on another topic
@@ -336,7 +337,7 @@ class ActionClient(ActionEntity):
             callback = self._feedback_callbacks.get(key)
             if callback is not None:
                 return callback, taken[:1]
-        if (taken := self._ends.status._receiver.take()) is not None:
+        if (taken := core_of(self._ends.status).receiver.take()) is not None:
             return self._apply_status, taken[:1]
         return super().take(most)
 
@@ -378,7 +379,7 @@ class ActionClient(ActionEntity):
             self._goal_handles[key] = weakref.ref(goal_handle)
             # As in rclpy, a status that has arrived together with the answer is known from the start.
             with self._engine.loop:
-                while (taken := self._ends.status._receiver.take()) is not None:
+                while (taken := core_of(self._ends.status).receiver.take()) is not None:
                     self._apply_status(taken[0])
         else:
             self._forget_feedback(key)

@@ -13,6 +13,7 @@ from functools import partial
 from threading import RLock
 from typing import Any, Final
 
+from bus.endpoint.endpoint import core_of
 from bus.errors import BusError, ConnectionClosed
 from bus.service.server import RequestId
 from bus_actions.action_type import ActionSupport, action_support
@@ -318,7 +319,7 @@ class ActionServer(ActionEntity):
     def _take(self, function: Any, end: Callable[[], Any], request: Any, request_id: RequestId) -> None:
         if len(self._calls) >= MOST_WAITING:
             text = "RuntimeError: too many requests wait: nobody spins the server"
-            end()._answer(request_id, None, text)
+            core_of(end()).answer(request_id, None, text)
         else:
             self._put(function, request, request_id)
 
@@ -336,7 +337,7 @@ class ActionServer(ActionEntity):
             yield
         except Exception as error:
             with self._engine.loop:
-                end._refuse(request_id, error)
+                core_of(end).refuse(request_id, error)
             raise
 
     def _publish_status(self) -> None:
@@ -386,7 +387,7 @@ class ActionServer(ActionEntity):
         if goal_handle is not None:
             self._goal_handles[bytes(goal_id.uuid)] = goal_handle
             self._result_futures[bytes(goal_id.uuid)] = Future(executor=self.node.own_executor)
-        self._respond(self._ends.goal._answer, request_id, response)
+        self._respond(core_of(self._ends.goal).answer, request_id, response)
         if goal_handle is not None:
             if self._handle_accepted_callback is not default_handle_accepted_callback:
                 with self._engine.loop:
@@ -442,7 +443,7 @@ class ActionServer(ActionEntity):
                 answer = await await_or_execute(self._cancel_callback, goal_handle)
             if answer == CancelResponse.ACCEPT and self._cancel(goal_handle):
                 response.goals_canceling.append(self._support.info_of(goal))
-        self._respond(self._ends.cancel._answer, request_id, response)
+        self._respond(core_of(self._ends.cancel).answer, request_id, response)
 
     def _cancel(self, goal_handle: ServerGoalHandle) -> bool:
         """Whether it is canceled: it may have ended during the program's callback."""

@@ -4,6 +4,7 @@ import asyncio
 from collections.abc import Iterable
 from typing import Any
 
+from bus.endpoint.endpoint import core_of
 from bus.errors import BusError, ConnectionClosed, ServiceUnavailable
 from bus.names import reply_topic, request_topic
 from bus.node import Node as NativeNode
@@ -171,7 +172,7 @@ class AsyncClient(AsyncEntity, BaseClient):
         self._numbers[native_number] = number
         self._native_numbers[number] = native_number
         if self.events is not None:
-            self.events.publish_event("REQUEST_SENT", self._native._gid, number, request=request)
+            self.events.publish_event("REQUEST_SENT", core_of(self._native).gid, number, request=request)
 
     def _forget(self, number: int) -> None:
         """Stop waiting for an answer."""
@@ -189,7 +190,9 @@ class AsyncClient(AsyncEntity, BaseClient):
             return
         self._native_numbers.pop(number, None)
         if self.events is not None and self._native is not None and not isinstance(outcome, BusError):
-            self.events.publish_event("RESPONSE_RECEIVED", self._native._gid, number, response=outcome)
+            self.events.publish_event(
+                "RESPONSE_RECEIVED", core_of(self._native).gid, number, response=outcome
+            )
         self._settle(number, outcome)
 
     def _settle(self, number: int, outcome: object) -> None:

@@ -66,7 +66,7 @@ class AsyncPublisher(AsyncEntity, BasePublisher[M], Generic[M]):
         if self._holds and self._is_held(msg):
             return
         assert self._native is not None
-        status = self._native._quick.publish(msg)
+        status = core_of(self._native).sender.quick.publish(msg)
         if status is not True:
             self._publish_on(msg, status)
 
@@ -178,7 +178,7 @@ class AsyncPublisher(AsyncEntity, BasePublisher[M], Generic[M]):
         native = self._native
         assert native is not None
         if status is None:
-            status = native._quick.publish(msg)
+            status = core_of(native).sender.quick.publish(msg)
         if status is True:
             return
         if msg.__class__ is not self.msg_type:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable
 from contextlib import nullcontext
 from typing import Any, Final
 
+from bus.endpoint.endpoint import core_of
 from bus.names import reply_topic, request_topic
 from bus.node import Node as NativeNode
 from bus.service.server import RequestId, ServiceServer
@@ -90,7 +91,7 @@ class AsyncService(AsyncEntity, BaseService):
         """Begin calls for waiting requests, as many as may run."""
         while self._waiting and len(self._calls) < self._most_at_once and not self.is_destroyed:
             request, request_id = self._waiting.popleft()
-            if self.native._skip(request_id):
+            if core_of(self.native).skip(request_id):
                 continue
             if not self.is_async:
                 self._report_and_answer(self._answer, request, request_id)

@@ -10,6 +10,7 @@ from time import monotonic_ns
 from types import SimpleNamespace
 from typing import Any
 
+from bus.endpoint.endpoint import core_of
 from bus_ros.engine import Waiter, engine
 from bus_ros.entity import Entity
 from bus_ros.rclpy.destroyable import Handle
@@ -267,7 +268,7 @@ class Service(Source):
     def service_send_response(self, response: Any, request_id: Any) -> None:
         """Answer the request with the `request_id` of its header."""
         with engine().loop:
-            self._native._answer(request_id, response)
+            core_of(self._native).answer(request_id, response)
 
     def _on_request(self, request: object, request_id: Any) -> None:
         self._requests.append((request, request_id))

@@ -10,8 +10,8 @@ import pytest
 from bus.endpoint.core import NodeContext
 from bus.errors import ConnectionClosed, PayloadTooLarge, SharedMemoryError
 from bus.qos import QoSProfile
-from bus.service import server as module
-from bus.service.server import ServiceServer
+from bus.service import server_core as module
+from bus.service.server_core import ServerCore
 from bus.srv.std_srvs import SetBool
 from bus.types.service import Request
 
@@ -19,7 +19,7 @@ CLIENT = b"client gid......"
 LIMIT = 1000
 
 
-class World(ServiceServer):
+class World(ServerCore):
     """A server whose two endpoints are played by the test. `answers` has number, error and text of each
     answer."""
 
@@ -31,22 +31,22 @@ class World(ServiceServer):
         self._has_changed = asyncio.Event()
         self._is_closed = False
         loop = asyncio.get_running_loop()
-        self._core: Any = SimpleNamespace(link=SimpleNamespace(loop=loop), refused=0, max_bytes=LIMIT)
+        self.endpoint: Any = SimpleNamespace(link=SimpleNamespace(loop=loop), refused=0, max_bytes=LIMIT)
         monkeypatch.setattr(module, "warn", lambda logger, text: None)
-        node: Any = NodeContext(self._core.link, "/server", None, self.errors.append)  # type: ignore[arg-type]
+        node: Any = NodeContext(self.endpoint.link, "/server", None, self.errors.append)  # type: ignore[arg-type]
         super().__init__(node, "/set", SetBool, QoSProfile(), callback=callback, on_request=on_request)
 
-    def _make_publisher(self, *_: object) -> Any:
+    def make_publisher(self, *_: object) -> Any:
         return SimpleNamespace(
             publish_encoded=self._publish_encoded,
             wait_for_room=self._wait,
             topic_name="/set",
-            _core=self._core,
+            _core=self.endpoint,
         )
 
-    def _make_subscription(self, topic: str, support: object, callback: Any, *_: object) -> Any:
+    def make_subscription(self, topic: str, support: object, callback: Any, *_: object) -> Any:
         self.arrive = callback
-        return SimpleNamespace(_core=self._core, matches=[])
+        return SimpleNamespace(_core=self.endpoint, matches=[])
 
     def _publish_encoded(self, payload: bytes) -> bool:
         if self._is_closed:
@@ -56,7 +56,7 @@ class World(ServiceServer):
         if len(payload) > LIMIT:
             raise PayloadTooLarge("/set", size_bytes=len(payload), limit_bytes=LIMIT)
         if not self.room:
-            self._core.refused += 1
+            self.endpoint.refused += 1
             return False
         self.room -= 1
         _, number, error, body = msgspec.msgpack.decode(payload)
@@ -77,7 +77,7 @@ class World(ServiceServer):
         self._has_changed.set()
         await turns()
 
-    def end(self) -> None:
+    def shut(self) -> None:
         self._is_closed = True
         self._has_changed.set()
 
@@ -105,7 +105,7 @@ async def test_answers_without_room_follow_in_their_order(monkeypatch: pytest.Mo
     assert world.answers == [(1, "", "a"), (2, "", "b"), (3, "", "c")]
     await world.make_room(5)
     assert world.answers[3:] == [(4, "", "d")]
-    assert world._core.refused == 0
+    assert world.endpoint.refused == 0
 
 
 async def test_an_answer_above_the_limit_holds_back_no_later_one(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -130,7 +130,7 @@ async def test_an_answer_that_cannot_be_published_holds_back_no_later_one(
     world.faults = [SharedMemoryError("memory is short")]
     await world.make_room(3)
     assert [number for number, _, _ in world.answers] == [2, 3]
-    assert world._core.refused == 1 and not world._at_work
+    assert world.endpoint.refused == 1 and not world.at_work
 
 
 async def test_a_large_answer_pushes_out_none_that_waits(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -190,7 +190,7 @@ async def test_so_many_answers_may_wait_and_the_oldest_is_lost_first(
     for number in (1, 2, 3):
         world.ask(number)
     await turns()
-    assert world._core.refused == 1
+    assert world.endpoint.refused == 1
     await world.make_room(3)
     assert [number for number, _, _ in world.answers] == [2, 3]
 
@@ -218,8 +218,8 @@ async def test_no_answer_waits_for_room_after_the_close(monkeypatch: pytest.Monk
     world = World(monkeypatch, lambda request: said("a"))
     world.ask(1)
     await turns()
-    world.end()
+    world.shut()
     await turns()
     world.ask(2)
-    assert not world._late and world._sending is None and world.errors == []
-    assert world._core.refused == 1
+    assert not world._late and world.sending is None and world.errors == []
+    assert world.endpoint.refused == 1

@@ -12,8 +12,8 @@ from bus.delivery.port import RETURN_S
 from bus.errors import ConnectionClosed, LocalProtocolError, ServiceError, ServiceUnavailable
 from bus.events import MatchedChange
 from bus.qos import QoSProfile
-from bus.service import client as module
-from bus.service.client import MAX_PENDING, CallLost, ServiceClient
+from bus.service import client_core as module
+from bus.service.client_core import MAX_PENDING, CallLost, ClientCore
 from bus.srv.example_interfaces import AddTwoInts
 from bus.types.service import Reply
 from bus.vocabulary import Route
@@ -49,7 +49,7 @@ class Loop:
         self.now_s = end_s
 
 
-class World(ServiceClient):
+class World(ClientCore):
     """A client whose two endpoints are played by the test."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -60,17 +60,17 @@ class World(ServiceClient):
         self.has_room = True
         self.waiting: list[tuple[Reply, Any]] = []
         """Replies that the subscription has, and has not passed on."""
-        self._core = SimpleNamespace(id=1, refusal=None, count_ready=lambda: len(self._requests.matches))
+        self._endpoint = SimpleNamespace(id=1, refusal=None, count_ready=lambda: len(self.requests.matches))
         self._repliers_core = SimpleNamespace(matches={}, replace_callback=self._use)
         monkeypatch.setattr(module, "monotonic_ns", lambda: int(self.loop.now_s * 1e9) + 1)
         monkeypatch.setattr(module, "warn", lambda logger, text: None)
         node: Any = SimpleNamespace(link=SimpleNamespace(loop=self.loop), logger=None)
-        super().__init__(node, "/add", AddTwoInts, QoSProfile(), on_response=self.outcomes.__setitem__)
+        super().__init__(node, "/add", AddTwoInts, QoSProfile())
 
-    def _make_publisher(self, *_: object) -> Any:
-        return SimpleNamespace(gid=GID, matches=[], publish_encoded=self._publish, _core=self._core)
+    def make_publisher(self, *_: object) -> Any:
+        return SimpleNamespace(gid=GID, matches=[], publish_encoded=self._publish, _core=self._endpoint)
 
-    def _make_subscription(self, topic: str, support: object, callback: Any, *_: object) -> Any:
+    def make_subscription(self, topic: str, support: object, callback: Any, *_: object) -> Any:
         self._use(callback)
         take = lambda: self.waiting.pop(0) if self.waiting else None  # noqa: E731
         return SimpleNamespace(take=take, _core=self._repliers_core)
@@ -84,7 +84,7 @@ class World(ServiceClient):
         return self.has_room
 
     def ask(self) -> int:
-        return self.send_request(AddTwoInts.Request(a=1, b=2))
+        return self.send(AddTwoInts.Request(a=1, b=2), self.outcomes.__setitem__)
 
     def answer(self, number: int, body: Any = "sum", *, error: str = "", by: bytes = ONE) -> None:
         reply = Reply(GID, number, error, body)
@@ -95,20 +95,20 @@ class World(ServiceClient):
 
     def serve(self, *gids: bytes, route: Route = Route.SOCKET) -> None:
         """From now on these servers exist, and no others."""
-        before = len(self._requests.matches)
+        before = len(self.requests.matches)
         matches: Any = [SimpleNamespace(gid=gid, route=route) for gid in gids]
-        self._requests.matches[:] = matches  # type: ignore[index]
+        self.requests.matches[:] = matches  # type: ignore[index]
         self._repliers_core.matches = dict(enumerate(matches))
         change = MatchedChange(len(gids), len(gids), len(gids), len(gids) - before, "/server")
         self._on_replier(change)
         self._on_matched(change)
 
     def lose_busd(self) -> None:
-        self._core.id = 0
+        self._endpoint.id = 0
         self.serve()
 
     def find_busd(self, *gids: bytes) -> None:
-        self._core.id = 2
+        self._endpoint.id = 2
         self.serve(*gids)
 
     @property
@@ -268,6 +268,6 @@ def test_the_end_of_the_client(world: World) -> None:
     number = world.ask()
     world.lose_busd()
     reason = ConnectionClosed("closed")
-    world._end(reason)
+    world.end(reason)
     assert world.outcomes == {number: reason}
     world.loop.advance(100)
