@@ -417,12 +417,7 @@ class Node(ParameterHost, GraphHost):
         if callback is not None:
             callback = watched(callback, f"service '{full_name}'", self._logger)
         server = ServiceServer(
-            node,
-            full_name,
-            service_type,
-            profile(qos),
-            callback=callback,
-            on_request=on_request,
+            node, full_name, service_type, profile(qos), callback=callback, on_request=on_request
         )
         await self._endpoints.declare(*core_of(server).endpoints)
         return server
