@@ -48,6 +48,7 @@
 #define is_utf8 busd__is_utf8
 #define lose_connection busd__lose_connection
 #define make_utf8 busd__make_utf8
+#define end_whole busd__end_whole
 #define map_drop busd__map_drop
 #define map_use busd__map_use
 #define match_make_lossy busd__match_make_lossy
