@@ -224,7 +224,7 @@ bench-compare: $(TOOLS) ## what changed from one result to another (A=one.json B
 	$(if $(and $(A),$(B)),,$(error say which: make bench-compare A=one.json B=other.json))
 	@$(BIN)/python -m benchmarks.compare $(A) $(B)
 
-bench-report: $(BENCH_STAMP) ## the report, its pictures and the README's table (RESULT=benchmarks/results/....json)
+bench-report: $(BENCH_STAMP) ## the report, its tables and pictures, and the README's table (RESULT=benchmarks/results/....json)
 	$(if $(RESULT),,$(error say of which: make bench-report RESULT=benchmarks/results/....json))
 	$(BIN)/python -m benchmarks.write $(RESULT)
 

@@ -1,6 +1,7 @@
 """`python -m benchmarks`: runs benchmarks, prints tables, writes the result as JSON."""
 
 import argparse
+import os
 import sys
 from collections.abc import Callable
 from importlib import import_module
@@ -50,6 +51,7 @@ def main() -> int:
     end_on_signals()
     plan = Plan(options.quick, options.repetitions or (_QUICK_REPETITIONS if options.quick else _REPETITIONS))
     path: Path | None = None
+    has_failed = False
     try:
         result = report.Result(
             report.FORMAT, report.began_now(), plan.quick, plan.repetitions, look_at_machine(), []
@@ -59,14 +61,21 @@ def main() -> int:
         print(result.machine.describe(), end="\n\n", flush=True)
         if plan.quick:
             print("quick: too few messages and repetitions for more than a first look\n", flush=True)
-        for name in options.only or [one for one in BENCHMARKS if result.section(one) is None]:
+        names = options.only or [one for one in BENCHMARKS if result.section(one) is None]
+        if not names:
+            print(f"{options.into} has all benchmarks; --only measures some of them again")
+        for name in names:
             with deferred():  # an import may swallow an interrupt
                 measure: Callable[[Plan], report.Section] = import_module(f"benchmarks.{name}").run
-            begin_s = monotonic()
+            begin_s, load = monotonic(), os.getloadavg()[0]
             section = measure(plan)
             plan.tell("")
-            section = msgspec.structs.replace(section, took_s=round(monotonic() - begin_s))
-            print(f"{report.render(section)}* took {section.took_s} s\n", flush=True)
+            section = msgspec.structs.replace(section, took_s=round(monotonic() - begin_s), load=load)
+            has_failed |= section.has_failures
+            print(
+                f"{report.render(section)}* took {section.took_s} s, load {load:.2f} at its start\n",
+                flush=True,
+            )
             result = merge.add(result, section, BENCHMARKS)
             if not options.no_save:
                 path = options.into or options.output or RESULTS / report.file_name(result)
@@ -79,7 +88,7 @@ def main() -> int:
         return 130
     if path:
         print(_saved(path))
-    return 1 if any(section.has_failures for section in result.sections) else 0
+    return int(has_failed)
 
 
 def _saved(path: Path) -> str:

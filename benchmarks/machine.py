@@ -143,15 +143,15 @@ def _commit() -> str:
 def changes_since(commit: str) -> list[str] | None:
     """The files of `PRODUCT` that differ from `commit`.
 
-    None if git does not know that commit, or if files differed from it (a + at its end).
+    None if git can't tell: it does not know the commit, or files differed from it then (a + at its end).
     """
-    if (
-        not commit
-        or commit.endswith("+")
-        or not _git("rev-parse", "--verify", "--quiet", f"{commit}^{{commit}}")
-    ):
+    if not commit or commit.endswith("+"):
         return None
-    return _git("diff", "--name-only", commit, "--", *PRODUCT).splitlines()
+    changed = _run("git", "-C", str(ROOT), "diff", "--name-only", commit, "--", *PRODUCT)
+    added = _run(
+        "git", "-C", str(ROOT), "ls-files", "--others", "--exclude-standard", "--full-name", "--", *PRODUCT
+    )
+    return None if changed is None or added is None else [*changed.splitlines(), *added.splitlines()]
 
 
 def _git(*arguments: str) -> str:
@@ -160,8 +160,13 @@ def _git(*arguments: str) -> str:
 
 def _output(*command: str) -> str:
     """The output of a command; empty if the command is missing or fails."""
+    return _run(*command) or ""
+
+
+def _run(*command: str) -> str | None:
+    """The output of a command; None if the command is missing or fails."""
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=_COMMAND_S, check=False)
     except (OSError, subprocess.TimeoutExpired):
-        return ""
-    return done.stdout.strip() if done.returncode == 0 else ""
+        return None
+    return done.stdout.strip() if done.returncode == 0 else None

@@ -159,7 +159,7 @@ def _facts(result: Result) -> str:
     kind = "a quick one, which is no measurement" if result.is_quick else "a full one"
     took_min = round(sum(one.took_s for one in result.sections) / 60)
     rows = [
-        ["run", f"{result.began}, {kind}" + (f", {took_min} minutes" if took_min else "")],
+        ["run", f"{result.began}, {kind}" + (f", {took_min} min" if took_min else "")],
         ["commit", machine.commit or "unknown"],
         ["machine", f"{machine.hardware()}; load {machine.load:.2f} at the start"],
         ["Python", machine.python],

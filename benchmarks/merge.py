@@ -1,7 +1,8 @@
 """Continues a saved result: the rest of an interrupted run, or one benchmark measured again.
 
 A report compares the figures of one product on one machine. So a saved result gets no figures of another
-machine, of other versions, or of a busd whose files have changed. The benchmarks' files may have changed.
+machine, of other versions, of other options, or of a busd whose files have changed. The benchmarks' files may
+have changed.
 """
 
 from collections.abc import Sequence
@@ -18,7 +19,7 @@ def base(path: Path, present: Result) -> Result:
     """The saved result to which `present`, a result without sections, adds its figures. Raises Unreadable."""
     saved = load(path)
     if obstacle := obstacle_between(saved, present, changes_since(saved.machine.commit)):
-        raise Unreadable(f"{path}: {obstacle}: measure all benchmarks again, without --into")
+        raise Unreadable(f"{path} can't be continued: {obstacle}")
     return saved
 
 
@@ -29,11 +30,11 @@ def obstacle_between(saved: Result, present: Result, changed: Sequence[str] | No
     """
     commit = saved.machine.commit or "unknown"
     if changed is None:
-        return f"the files of busd that it measured, of commit {commit}, are not known to git"
+        return f"git does not know the files that it measured, of commit {commit}"
     if changed:
         return f"{changed[0]} has changed since its commit {commit}"
     warnings = differ(saved, present).warnings
-    return f"this run (B) differs from it (A): {warnings[0]}" if warnings else ""
+    return f"{warnings[0]} (A: the file, B: this run)" if warnings else ""
 
 
 def add(result: Result, section: Section, order: Sequence[str]) -> Result:

@@ -77,7 +77,7 @@ class Comparison(msgspec.Struct, frozen=True, omit_defaults=True):
 class Section(msgspec.Struct, frozen=True):
     """The results of one benchmark. `axis` is the meaning of `Row.at`, with its unit: "size in B".
 
-    `took_s`: the duration of the measurement, in s.
+    `took_s`: the duration of the measurement, in s. `load`: the load average at its start.
     """
 
     name: str
@@ -88,6 +88,7 @@ class Section(msgspec.Struct, frozen=True):
     notes: list[str] = []
     axis: str = ""
     took_s: int = 0
+    load: float = 0.0
 
     @property
     def has_failures(self) -> bool:
@@ -202,10 +203,12 @@ def file_name(result: Result) -> str:
 
 
 def save(result: Result, path: Path) -> None:
-    """Write `result` as JSON. Raises OSError."""
+    """Write `result` as JSON. If that fails, an older file at `path` stays. Raises OSError."""
     data = msgspec.json.format(msgspec.json.encode(result), indent=1)
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(data + b"\n")
+    part = path.with_name(f"{path.name}.part")
+    part.write_bytes(data + b"\n")
+    part.replace(path)
 
 
 class Unreadable(Exception):

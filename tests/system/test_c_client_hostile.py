@@ -16,6 +16,7 @@ from bus.base.descriptor import Descriptor
 from bus.msg.std_msgs import String
 from bus.wire import messages as m
 from c_hostile import HostileBusd
+from fake_broker import FakeBroker, FakeConnection
 from feeding import frame_record
 from programs import on_one_loop
 from raw_peer import RawPeer, data
@@ -139,3 +140,22 @@ async def test_the_event_of_a_corrupt_ring_may_create(
         await listener.finish()
         doorbell.close()
         its_doorbell.close()
+
+
+@on_one_loop
+async def test_long_texts_are_cut_between_characters(
+    programs: Path, tmp_path: Path, socket_path: Path
+) -> None:
+    async def meet(broker: FakeBroker) -> FakeConnection:
+        connection = await broker.accept()
+        await connection.create(m.CreateNode, 1)
+        await connection.create(m.CreateSubscription, 2)
+        return connection
+
+    async with FakeBroker(socket_path) as broker:
+        meeting = asyncio.create_task(meet(broker))
+        async with c_programs.peer(programs, tmp_path, "listen", "/t") as listener:
+            text = "x" + "é" * 300
+            (await meeting).send(m.Namesake(node=1, program=text, pid=5), m.Fault(text))
+            texts = [await listener.line(one) for one in ("program (.*), process 5", "connection lost: (.*)")]
+    assert [one[1] for one in texts] == ["x" + "é" * 199] * 2

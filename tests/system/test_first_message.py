@@ -75,6 +75,7 @@ _UNUSED = {
     "bus.types.classes",
     "bus.process.logfile",
     "bus.process.mistakes",
+    "bus.service.base",
     "bus.service.client",
     "bus.service.server",
     "bus.types.service",

@@ -190,6 +190,7 @@ def test_a_node_without_parameters_imports_nothing_for_them(daemon: object) -> N
         *(
             "bus.parameters.store",
             "bus.parameters.parameter_set",
+            "bus.service.base",
             "bus.service.server",
             "bus.parameters.time_source",
         ),

@@ -76,7 +76,10 @@ _READERS, _HISTORY = Use.READERS, Use.HISTORY
 
 
 class _History:
-    """Runs of a transient local publisher, for a new busd. And the times of runs for the history alone."""
+    """Keeps the runs of a transient local publisher for a new busd.
+
+    Knows when the next run for the history alone is due.
+    """
 
     def __init__(self, depth: int, port: Port, hand_over: Callable[[], None]) -> None:
         self.queue = RunQueue(depth, Account(STEP_BYTES))
@@ -86,8 +89,8 @@ class _History:
         """When the next run for the history alone is due."""
         self._timer: Timer | None = None
 
-    def is_early(self, stamp_ns: int) -> bool:
-        """Whether a run that has begun now is handed over later, when the next one is due."""
+    def puts_off(self, stamp_ns: int) -> bool:
+        """Whether a run that begins now waits until the next one is due. Then a timer hands it over."""
         if stamp_ns >= self._due_ns:
             self._due_ns = stamp_ns + _HISTORY_NS
             return False
@@ -183,7 +186,7 @@ class SocketSender:
             if self._window is not None:
                 budget = self._window.bound(budget)
             self.run.budget = max(0, budget - self.run.size)
-            if self.use is _READERS or self._history is None or not self._history.is_early(stamp_ns):
+            if self.use is _READERS or self._history is None or not self._history.puts_off(stamp_ns):
                 port.gather(self._owner)
         else:
             port.last_sent_ns = stamp_ns

@@ -590,7 +590,7 @@ def link_of(node: Node) -> Link | None:
 
 
 def report_error(node: Node, error: BaseException) -> None:
-    """Report an exception as one of a callback of `node`, for other modules of this library."""
+    """Report `error` as an exception of a callback of `node`, for other modules of this library."""
     node._fail(error)
 
 

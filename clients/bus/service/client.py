@@ -33,8 +33,7 @@ class ServiceClient(ServiceBase):
         *,
         on_response: Callable[[int, Any], object] | None = None,
     ) -> None:
-        self._core = core = ClientCore(node, service, service_type, qos)
-        super().__init__(core)
+        super().__init__(ClientCore(node, service, service_type, qos))
         self._on_response = on_response
 
     async def call(self, request: Any) -> Any:

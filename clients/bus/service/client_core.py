@@ -143,6 +143,7 @@ class ClientCore(ServiceCore):
         self.requests = self.make_publisher(request_topic(service), self.support.requests, self._on_matched)
         self._requests_core = core_of(self.requests)
         self.gid = self.requests.gid
+        """Identifies the client in its requests and their answers."""
         self.replies = self.make_subscription(
             reply_topic(service), self.support.replies(self.gid), self._take, self._on_replier
         )
@@ -176,8 +177,11 @@ class ClientCore(ServiceCore):
             servers=len(self._servers),
         )
 
+    # --- for calls, actions and the facade
+
     def check_served(self) -> None:
-        """Raise ServiceUnavailable if no server exists; unknown while busd is away. Raises as `call`."""
+        """Raise ServiceUnavailable if no server exists; unknown while busd is away. Raises as
+        `ServiceClient.call`."""
         if not self._servers and self._requests_core.id:
             if self._requests_core.refusal is not None:
                 raise again(self._requests_core.refusal)

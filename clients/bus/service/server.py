@@ -37,10 +37,9 @@ class ServiceServer(ServiceBase):
         callback: Callable[..., Any] | None = None,
         on_request: Callable[[Any, RequestId], Any] | None = None,
     ) -> None:
-        self._core = core = ServerCore(
-            node, service, service_type, qos, callback=callback, on_request=on_request
+        super().__init__(
+            ServerCore(node, service, service_type, qos, callback=callback, on_request=on_request)
         )
-        super().__init__(core)
 
     def respond(self, request_id: RequestId, response: Any, error: str = "") -> bool:
         """Answer a request with `response`, or with `error` if that is not empty; from any thread.

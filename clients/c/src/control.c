@@ -18,9 +18,9 @@ struct message {
 static const char *text_of(busd_in body, const char *key, int *n)
 {
     size_t size;
-    const unsigned char *text = busd_find_bytes(body, key, &size);
-    *n = text == NULL ? 0 : (int)sizes_min(size, 400);
-    return text == NULL ? "" : (const char *)text;
+    const char *text = (const char *)busd_find_bytes(body, key, &size);
+    *n = text == NULL ? 0 : (int)whole_size(text, sizes_min(size, 400));
+    return text == NULL ? "" : text;
 }
 
 static int take_hello(struct message *m)

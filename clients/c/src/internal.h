@@ -274,7 +274,7 @@ struct busd_subscription {
 
 /* A call: pending at its client, or open at its server. */
 struct call {
-    struct call *older, *next;
+    struct call *older, *newer;
     busd_call id;
     busd_answer *answer;
     void *user;
@@ -292,7 +292,7 @@ struct service {
     busd_node *node;
     busd_publisher *publisher;
     busd_subscription *subscription;
-    struct call *calls, *newest; /* from the oldest on: mostly it is the next one that ends */
+    struct call *oldest, *newest; /* one of the two is mostly the next one that ends */
     size_t call_count;
     uint64_t requests, responses, errors, late;
     int64_t give_up_ns; /* of a client: then calls that are lost end; 0: none is */
@@ -455,6 +455,7 @@ bool headroom_claim(busd_bus *bus, uint64_t size, uint64_t whole);
 /* names.c */
 bool is_utf8(const char *text);
 void make_utf8(char *text);
+size_t whole_size(const char *text, size_t size);
 void end_whole(char *text);
 char *topic_name(const busd_node *node, const char *topic);
 int socket_path(char *path, size_t size);

@@ -34,13 +34,19 @@ void make_utf8(char *text)
         text[bad - text] = '?';
 }
 
-/* Ends a text that was cut: if its last character is not whole, before that one. */
-void end_whole(char *text)
+/* The size of a text that may have been cut, without its last character if that is not whole. */
+size_t whole_size(const char *text, size_t size)
 {
-    const char *bad = bad_byte(text);
-    if (bad != NULL && strlen(bad) < 4)
-        text[bad - text] = '\0';
+    size_t begin = size;
+    while (begin > 0 && ((unsigned char)text[begin - 1] & 0xc0) == 0x80)
+        begin--;
+    const unsigned first = begin == 0 ? 0 : (unsigned char)text[begin - 1];
+    const size_t more = first < 0xc0 ? 0 : first < 0xe0 ? 1 : first < 0xf0 ? 2 : 3;
+    return size - begin < more ? begin - 1 : size;
 }
+
+/* Ends a text that may have been cut, before its last character if that is not whole. */
+void end_whole(char *text) { text[whole_size(text, strlen(text))] = '\0'; }
 
 /* The full name of a relative, private (~) or absolute topic; NULL: no memory. */
 char *topic_name(const busd_node *node, const char *topic)

@@ -17,6 +17,7 @@
 #define declare_all busd__declare_all
 #define declare_endpoint busd__declare_endpoint
 #define declare_node busd__declare_node
+#define end_whole busd__end_whole
 #define endpoint_free busd__endpoint_free
 #define endpoint_gone busd__endpoint_gone
 #define fail busd__fail
@@ -48,7 +49,6 @@
 #define is_utf8 busd__is_utf8
 #define lose_connection busd__lose_connection
 #define make_utf8 busd__make_utf8
-#define end_whole busd__end_whole
 #define map_drop busd__map_drop
 #define map_use busd__map_use
 #define match_make_lossy busd__match_make_lossy
@@ -131,5 +131,6 @@
 #define tell busd__tell
 #define topic_name busd__topic_name
 #define waiting_for busd__waiting_for
+#define whole_size busd__whole_size
 
 #endif

@@ -78,10 +78,19 @@ static bool is_call(const busd_call *a, const busd_call *b)
 
 static struct call *call_find(struct service *service, const busd_call *wanted)
 {
-    struct call *call = service->calls;
-    while (call != NULL && !is_call(&call->id, wanted))
-        call = call->next;
-    return call;
+    /* From both ends: calls mostly end in their order; but a callback that replies at once ends the newest. */
+    struct call *old = service->oldest, *young = service->newest;
+    while (old != NULL) {
+        if (is_call(&old->id, wanted))
+            return old;
+        if (is_call(&young->id, wanted))
+            return young;
+        if (old == young || old->newer == young)
+            return NULL;
+        old = old->newer;
+        young = young->older;
+    }
+    return NULL;
 }
 
 static struct call *call_add(struct service *service, const busd_call *id)
@@ -91,7 +100,7 @@ static struct call *call_add(struct service *service, const busd_call *id)
         return NULL;
     call->id = *id;
     call->older = service->newest;
-    *(call->older == NULL ? &service->calls : &call->older->next) = call;
+    *(call->older == NULL ? &service->oldest : &call->older->newer) = call;
     service->newest = call;
     service->call_count++;
     return call;
@@ -107,8 +116,8 @@ static void call_free(struct call *call)
 static struct call call_end(struct service *service, struct call *call)
 {
     struct call ended = *call;
-    *(call->older == NULL ? &service->calls : &call->older->next) = call->next;
-    *(call->next == NULL ? &service->newest : &call->next->older) = call->older;
+    *(call->older == NULL ? &service->oldest : &call->older->newer) = call->newer;
+    *(call->newer == NULL ? &service->newest : &call->newer->older) = call->older;
     service->call_count--;
     call_free(call);
     return ended;
@@ -153,11 +162,11 @@ static int service_create(struct service *service, busd_node *node, const char *
 
 static void end_calls(struct service *service, int status, const char *error)
 {
-    struct call *call = service->calls;
-    service->calls = service->newest = NULL; /* an answer may begin another call */
+    struct call *call = service->oldest;
+    service->oldest = service->newest = NULL;
     service->call_count = 0;
     while (call != NULL) {
-        struct call *next = call->next;
+        struct call *next = call->newer;
         call->answer(call->user, status, error, NULL);
         call_free(call);
         call = next;
@@ -182,8 +191,8 @@ static void service_destroy(struct service *service)
 /* Frees a closed service, and the open calls of a server. */
 void service_free(struct service *service)
 {
-    while (service->calls != NULL)
-        call_end(service, service->calls);
+    while (service->oldest != NULL)
+        call_end(service, service->oldest);
     free(service);
 }
 
@@ -210,7 +219,7 @@ void services_close(busd_node *node)
 /* Ends the oldest call, so that another one has room. */
 static void end_oldest(busd_server *server)
 {
-    struct call *oldest = server->service.calls;
+    struct call *oldest = server->service.oldest;
     const busd_call id = oldest->id;
     if (busd_reply_error(server, &id, "the server has too many open calls") < 0
         && (oldest = call_find(&server->service, &id)) != NULL)
@@ -351,9 +360,8 @@ static void hear_reply(void *user, const busd_message *taken)
     client->service.errors += envelope.error.size != 0;
     if (envelope.error.size != 0) {
         char text[400];
-        if (snprintf(text, sizeof text, "%.*s", (int)sizes_min(envelope.error.size, sizeof text), envelope.error.data)
-            >= (int)sizeof text)
-            end_whole(text);
+        snprintf(text, sizeof text, "%.*s", (int)sizes_min(envelope.error.size, sizeof text - 1), envelope.error.data);
+        end_whole(text);
         answer(&client->service, call, -EREMOTEIO, text, NULL);
     } else if (envelope.is_nil) {
         if (deny(&client->service, call, source_find(client->service.subscription, taken->publisher)))
@@ -467,8 +475,8 @@ static void give_up(struct service *service)
     struct call *call;
     service->give_up_ns = 0;
     do {
-        for (call = service->calls; call != NULL && !call->is_lost;)
-            call = call->next;
+        for (call = service->oldest; call != NULL && !call->is_lost;)
+            call = call->newer;
         if (call != NULL)
             answer(service, call, -EPIPE, "no server is left", NULL); /* this may end the client, and its calls */
     } while (call != NULL);
@@ -484,7 +492,7 @@ static int64_t look(struct service *service, int64_t now)
         next = service->give_up_ns;
     if (busd_publisher_matches(service->publisher) == 0)
         return next;
-    for (struct call *call = service->calls; call != NULL; call = call->next) {
+    for (struct call *call = service->oldest; call != NULL; call = call->newer) {
         if (!ask(service, call, now))
             return INT64_MAX;
         if (call->is_unsure && call->ask_ns < next)
@@ -518,11 +526,11 @@ static struct service *client_of(const busd_publisher *publisher)
 void services_matched(busd_publisher *publisher, bool has_come)
 {
     struct service *service = client_of(publisher);
-    if (service == NULL || service->calls == NULL)
+    if (service == NULL || service->oldest == NULL)
         return;
     const int64_t now = now_ns();
     const bool has_server = busd_publisher_matches(publisher) != 0;
-    for (struct call *call = service->calls; call != NULL; call = call->next) {
+    for (struct call *call = service->oldest; call != NULL; call = call->newer) {
         if (has_come) {
             call->ask_ns = 0;
         } else if (has_server && !call->is_unsure) { /* the remaining ones may not know it: they may be newer */
@@ -550,7 +558,7 @@ void services_absent(busd_bus *bus)
 void services_lost(busd_bus *bus)
 {
     for (struct service *service = bus->services; service != NULL; service = service->next) {
-        for (struct call *call = service->calls; call != NULL; call = call->next) {
+        for (struct call *call = service->oldest; call != NULL; call = call->newer) {
             call->is_unsure = service->is_client;
             call->ask_ns = call->pause_ns = 0;
         }

@@ -31,8 +31,8 @@ int fail(busd_bus *bus, int code, const char *form, ...)
 {
     va_list arguments;
     va_start(arguments, form);
-    if (vsnprintf(bus->error, sizeof bus->error, form, arguments) >= (int)sizeof bus->error)
-        end_whole(bus->error);
+    vsnprintf(bus->error, sizeof bus->error, form, arguments);
+    end_whole(bus->error);
     va_end(arguments);
     return -code;
 }
@@ -50,8 +50,8 @@ void tell(busd_bus *bus, busd_event_kind kind, const struct endpoint *end, const
     if (bus->event == NULL)
         return;
     va_start(arguments, form);
-    if (vsnprintf(text, sizeof text, form, arguments) >= (int)sizeof text)
-        end_whole(text);
+    vsnprintf(text, sizeof text, form, arguments);
+    end_whole(text);
     va_end(arguments);
     busd_event event = {.kind = kind, .text = text, .count = kind == BUSD_DEADLINE_MISSED ? end->missed : 0};
     if (end != NULL && end->is_publisher)
@@ -377,6 +377,7 @@ int busd_connect(busd_bus **place, const char *path, const char *program)
     *bus = (busd_bus){.pid = getpid(), .epoll = -1, .sock = -1, .bell = -1, .timer = -1, .readers_fd = -1, .rounds = 1};
     bus->control.end = &bus->control.first;
     snprintf(bus->program, sizeof bus->program, "%s", program != NULL ? program : program_invocation_short_name);
+    end_whole(bus->program);
     make_utf8(bus->program);
     const int length = path == NULL ? socket_path(bus->path, sizeof bus->path) : snprintf(bus->path, sizeof bus->path, "%s", path);
     if (length < 0 || (size_t)length >= sizeof bus->path)

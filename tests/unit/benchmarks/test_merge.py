@@ -3,13 +3,15 @@
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import msgspec
 import pytest
 
 from benchmarks import merge, report
+from benchmarks.__main__ import BENCHMARKS, main
 from benchmarks.machine import ROOT, Machine, changes_since, look_at_machine
-from benchmarks.report import Result, Section, Unreadable
+from benchmarks.report import Result, Row, Section, Unreadable
 
 pytestmark = pytest.mark.landing
 
@@ -40,24 +42,24 @@ def test_a_section_takes_its_place_or_that_of_an_older_one() -> None:
     ("present", "changed", "reason"),
     [
         (RESULT, [], ""),
-        (RESULT, None, "the files of busd that it measured, of commit abc, are not known to git"),
+        (RESULT, None, "git does not know the files that it measured, of commit abc"),
         (RESULT, ["busd/a.py", "busd/b.py"], "busd/a.py has changed since its commit abc"),
         (
             msgspec.structs.replace(RESULT, repetitions=2),
             [],
-            "this run (B) differs from it (A): repetitions: 5 in A, 2 in B",
+            "repetitions: 5 in A, 2 in B (A: the file, B: this run)",
         ),
         (
             msgspec.structs.replace(RESULT, is_quick=True),
             [],
-            "this run (B) differs from it (A): A is a full run, B a quick one",
+            "A is a full run, B a quick one (A: the file, B: this run)",
         ),
         (
             msgspec.structs.replace(
                 RESULT, machine=msgspec.structs.replace(MACHINE, packages={"pyzmq": "28"})
             ),
             [],
-            "this run (B) differs from it (A): pyzmq: 27 in A, 28 in B",
+            "pyzmq: 27 in A, 28 in B (A: the file, B: this run)",
         ),
         (
             msgspec.structs.replace(RESULT, machine=msgspec.structs.replace(MACHINE, commit="def", load=3.0)),
@@ -94,11 +96,36 @@ def test_a_result_that_can_not_be_continued_is_left_alone(tmp_path: Path) -> Non
     report.save(msgspec.structs.replace(RESULT, machine=machine), path)
     before = path.read_bytes()
 
-    with pytest.raises(Unreadable, match=r"saved\.json: the files of busd .* measure all benchmarks again"):
+    with pytest.raises(Unreadable, match=r"saved\.json can't be continued: git does not know"):
         merge.base(path, RESULT)
     command = [sys.executable, "-m", "benchmarks", "--only", "memory", "--into", str(path)]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, timeout=60)
 
     assert (done.returncode, done.stdout) == (2, "")
-    assert "0123456789ab, are not known to git" in done.stderr
+    assert "of commit 0123456789ab" in done.stderr
     assert path.read_bytes() == before
+
+
+def test_a_run_that_is_continued(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "saved.json"
+    done = [section(name) for name in BENCHMARKS if name not in ("latency", "bags")]
+    report.save(msgspec.structs.replace(RESULT, machine=look_at_machine(), sections=done), path)
+    monkeypatch.setattr(merge, "changes_since", lambda commit: [])
+    monkeypatch.setattr("benchmarks.__main__.end_on_signals", lambda: None)
+    row = Row("busd", trouble="failed: no room")
+    measures = {
+        "benchmarks.latency": lambda plan: section("latency"),
+        "benchmarks.bags": lambda plan: Section("bags", "Bags", [], [row]),
+    }
+    monkeypatch.setattr(
+        "benchmarks.__main__.import_module", lambda name: SimpleNamespace(run=measures.pop(name))
+    )
+    monkeypatch.setattr(sys, "argv", ["benchmarks", "--into", str(path)])
+
+    assert main() == 1  # a row has failed
+    assert main() == 0
+    assert f"{path} has all benchmarks" in capsys.readouterr().out
+    assert [one.name for one in report.load(path).sections] == list(BENCHMARKS)
+    assert [one.name for one in tmp_path.iterdir()] == ["saved.json"]
