@@ -242,7 +242,7 @@ peers: $(PEERS:%=.venv-%/.peers) ## ROS 2's own rclpy into .venv-jazzy and .venv
 	@touch $@
 
 # What is measured beside busd. Where it can't be had, its rows say so, and the rest is measured.
-$(BENCH_STAMP): $(TOOLS) $(wildcard benchmarks/c/*.[ch] benchmarks/c/Makefile)
+$(BENCH_STAMP): $(TOOLS) $(wildcard benchmarks/c/*.[ch] benchmarks/c/Makefile clients/c/*/*.[ch] clients/c/*/*/*.h clients/bus/shm/*.h)
 	@rm -f $@
 	@$(call EXTRA,bench) && touch $@ \
 		|| echo "the rivals can't be installed: the rows of those that are not there say so"
