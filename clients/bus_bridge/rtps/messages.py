@@ -48,6 +48,7 @@ MOST_IN_SET: Final = 256
 """Numbers in the set of an ACKNACK, GAP or NACK_FRAG."""
 MAX_NUMBER: Final = 2**62
 """The highest number of a sample. No writer reaches it, and the numbers after it still fit into 64 bits."""
+_MOST_FRAGMENT: Final = (1 << 32) - 1
 
 _MAGIC: Final = b"RTPS"
 _VERSION: Final = b"\x02\x03"
@@ -238,14 +239,16 @@ def _positive(data: bytes, at: int, order: Order) -> int:
     return number
 
 
-def _members(data: bytes, at: int, order: Order, base: int) -> tuple[tuple[int, ...], int]:
+def _members(
+    data: bytes, at: int, order: Order, base: int, most: int = MAX_NUMBER
+) -> tuple[tuple[int, ...], int]:
     """The members of a set whose bit count is at `at`, and the offset of the first byte after it."""
     bits: int = struct.unpack_from(f"{order}I", data, at)[0]
     if bits > MOST_IN_SET:
         raise RtpsError(f"a set of {bits} numbers; at most {MOST_IN_SET} are allowed")
     words = struct.unpack_from(f"{order}{(bits + 31) // 32}I", data, at + 4)
     members = [base + bit for bit in range(bits) if words[bit // 32] >> (31 - bit % 32) & 1]
-    if max([base, *members[-1:]]) > MAX_NUMBER:
+    if max([base, *members[-1:]]) > most:
         raise RtpsError(f"a set of numbers from {base} on")
     return tuple(members), at + 4 + 4 * len(words)
 
@@ -310,7 +313,7 @@ def _read_acknack(body: bytes, flags: int, order: Order) -> AckNack:
 
 def _read_nack_fragments(body: bytes, flags: int, order: Order) -> NackFragments:
     base = struct.unpack_from(f"{order}I", body, 16)[0]
-    missing, at = _members(body, 20, order, base)
+    missing, at = _members(body, 20, order, base, _MOST_FRAGMENT)
     count = struct.unpack_from(f"{order}I", body, at)[0]
     return NackFragments(body[:4], body[4:8], _positive(body, 8, order), missing, count)
 

@@ -121,6 +121,12 @@ def test_sets_of_numbers_that_can_t_be(base: int, more: tuple[int, ...]) -> None
     assert fault(m.write_acknack(R, W, base, more, 1, is_final=True)) == f"a set of numbers from {base} on"
 
 
+def test_a_fragment_above_32_bits() -> None:
+    """Found by `make fuzz`: a number of a fragment that could not be written again."""
+    body = R + W + m.write_number64(5) + struct.pack("<IIII", 2**32 - 1, 2, 1 << 30, 3)
+    assert fault(little(0x12, 0, body)) == f"a set of numbers from {2**32 - 1} on"
+
+
 @for_each("number", [0, -1, -(2**63), 2**62 + 1, 2**63 - 1])
 def test_numbers_of_samples_have_limits(number: int) -> None:
     wanted = f"a sample with the number {number}"
