@@ -12,34 +12,9 @@ import msgspec
 
 from benchmarks import merge, report
 from benchmarks.machine import ROOT, look_at_machine
-from benchmarks.plan import Plan
+from benchmarks.plan import BENCHMARKS, Plan
 from bus_cli.bench.interrupts import deferred, end_on_signals
 
-BENCHMARKS = (
-    "latency",
-    "foreign",
-    "facade",
-    "throughput",
-    "bulk",
-    "fanout",
-    "camera",
-    "cost",
-    "memory",
-    "startup",
-    "launching",
-    "idle",
-    "timers",
-    "growth",
-    "discovery",
-    "look",
-    "web",
-    "check_cost",
-    "codec",
-    "c_client",
-    "bags",
-    "bridge",
-    "fairness",
-)
 RESULTS = ROOT / "benchmarks" / "results"
 _QUICK_REPETITIONS, _REPETITIONS = 1, 5
 

@@ -9,6 +9,7 @@ from typing import NamedTuple
 from benchmarks.figures import Spread
 from benchmarks.looks import is_main, system_of
 from benchmarks.pictures import Picture, available
+from benchmarks.plan import BENCHMARKS
 from benchmarks.report import Comparison, Result, Row, Section, goal, number, spread
 from benchmarks.systems import (
     BUS,
@@ -231,9 +232,12 @@ def _troubles(result: Result) -> Iterator[str]:
         for row in section.rows:
             if row.trouble:
                 found.setdefault((row.series or row.name, row.trouble), []).append(_where(section, row))
+    absent = [name for name in BENCHMARKS if result.section(name) is None]
     yield "## What is missing"
+    if absent:
+        yield f"These benchmarks: {', '.join(absent)}."
     if not found:
-        yield "Nothing: every case was measured."
+        yield "Every case of the others was measured." if absent else "Nothing: every case was measured."
         return
     yield "\n".join(
         f"- {_text(name)}: {_text(trouble)} (in {', '.join(dict.fromkeys(places))})"

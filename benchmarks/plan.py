@@ -1,8 +1,34 @@
-"""The thoroughness of a run. Every benchmark gets it."""
+"""The benchmarks of a run, and its thoroughness, which each of them gets."""
 
 import sys
 from typing import NamedTuple
 
+BENCHMARKS = (
+    "latency",
+    "foreign",
+    "facade",
+    "throughput",
+    "bulk",
+    "fanout",
+    "camera",
+    "cost",
+    "memory",
+    "startup",
+    "launching",
+    "idle",
+    "timers",
+    "growth",
+    "discovery",
+    "look",
+    "web",
+    "check_cost",
+    "codec",
+    "c_client",
+    "bags",
+    "bridge",
+    "fairness",
+)
+"""All benchmarks in their order; each is a module of this package."""
 SIZES = (64, 1 << 10, 1 << 16, 1 << 20, 4 << 20)
 """Sizes of messages, in bytes."""
 _QUICK_SIZES = (64, 1 << 20)

@@ -9,8 +9,9 @@ import msgspec
 import pytest
 
 from benchmarks import merge, report
-from benchmarks.__main__ import BENCHMARKS, main
+from benchmarks.__main__ import main
 from benchmarks.machine import ROOT, Machine, changes_since, look_at_machine
+from benchmarks.plan import BENCHMARKS
 from benchmarks.report import Result, Row, Section, Unreadable
 
 pytestmark = pytest.mark.landing

@@ -11,6 +11,7 @@ from benchmarks import markdown, pictures, report, write
 from benchmarks.figures import Spread
 from benchmarks.looks import is_main, look_of, system_of
 from benchmarks.machine import Machine
+from benchmarks.plan import BENCHMARKS
 from benchmarks.report import Column, Comparison, Result, Row, Section
 from benchmarks.systems import (
     BUS,
@@ -99,6 +100,7 @@ def test_the_report_says_where_it_loses_and_what_is_missing() -> None:
     assert "1 of 2 goals are met. These are not:" in text
     assert "- latency: 64 B, ours / best rival, p50: **2.00 (1.90 - 2.10)**, goal at most 1.00" in text
     assert "- iceoryx2: missing: iceoryx2 is not installed (in latency at 1 MiB)" in text
+    assert "These benchmarks: foreign, facade, throughput," in text
     assert "load 0.50 at the start" in text
     assert "| **busd, shared memory** | 10.0 | 10.0 |" in tables
     assert "| 1 MiB, ours / best rival, p50 | 0.500 (0.400 - 0.600) | at most 1.00 | met |" in tables
@@ -204,7 +206,9 @@ def test_a_result_without_figures_has_a_report() -> None:
     text = markdown.report_of(result(), "results/x.json")
 
     assert "## Pictures" not in text
-    assert "Nothing was asked for" in text and "Nothing: every case was measured." in text
+    whole = markdown.report_of(result(*(Section(name, name, [], []) for name in BENCHMARKS)), "x.json")
+    assert "Nothing: every case was measured." in whole and "These benchmarks" not in whole
+    assert "Nothing was asked for" in text and "Every case of the others was measured." in text
     assert markdown.speed_of(result()) == "No result yet."
     assert pictures.available(result()) == []
 
