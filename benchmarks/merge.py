@@ -1,8 +1,7 @@
 """Continues a saved result: the rest of an interrupted run, or one benchmark measured again.
 
-A report compares the figures of one product on one machine. So a saved result gets no figures of another
-machine, of other versions, of other options, or of a busd whose files have changed. The benchmarks' files may
-have changed.
+A report compares the figures of one product on one machine. So this refuses to add figures of another
+machine, of other versions or options, or of a changed busd. The files of the benchmarks may have changed.
 """
 
 from collections.abc import Sequence
