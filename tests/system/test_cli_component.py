@@ -45,6 +45,40 @@ class BreaksLate(Node):
         self.lens
         super().destroy_node()
 """
+# Components that are unloaded in the middle of a callback.
+MIDWAY = """
+import time
+from rclpy.node import Node
+from rclpy.task import Future
+from std_msgs.msg import String
+
+class Waits(Node):
+    def __init__(self):
+        super().__init__("waits")
+        self.publisher = self.create_publisher(String, "midway", 10)
+        self.timer = self.create_timer(0.01, self.tick)
+        self.is_gone = Future()
+
+    def begin(self):
+        self.timer.cancel()
+        self.publisher.publish(String(data="in the callback"))
+
+    def tick(self):
+        self.begin()
+        while not self.is_gone.done():
+            time.sleep(0.001)
+        self.publisher.publish(String(data="never"))
+
+    def destroy_node(self):
+        super().destroy_node()
+        self.is_gone.set_result(None)
+
+class Awaits(Waits):
+    async def tick(self):
+        self.begin()
+        await self.is_gone
+        self.publisher.publish(String(data="never"))
+"""
 # Another thread makes a node while a constructor runs that will fail.
 AT_ONCE = """
 from threading import Event, Thread
@@ -168,6 +202,26 @@ def test_a_failed_load_leaves_nodes_of_other_threads(container: Running, tmp_pat
     result = bus("component", "load", CONTAINER, "at_once", "at_once:Fails")
     assert result.err.startswith("Failed to load component: ValueError: no lens")
     assert bus("node", "list").out == f"{CONTAINER}\n/bystander\n"
+
+
+@pytest.mark.parametrize("name", ["Waits", "Awaits"])
+def test_a_component_unloaded_in_the_middle_of_a_callback(
+    container: Running, tmp_path: Path, request: pytest.FixtureRequest, name: str
+) -> None:
+    if name == "Waits" and "component_container_mt" not in request.node.name:
+        pytest.skip("with one thread, the container can't answer during a callback")
+    (tmp_path / "midway.py").write_text(MIDWAY)
+    with Running(("-m", "bus_cli", "topic", "echo", "/midway", "std_msgs/msg/String")) as echo:
+        wait_for_graph(lambda graph: graph.subscriptions_of("/midway"))
+        assert bus("component", "load", CONTAINER, "midway", f"midway:{name}") == loaded(1, "/waits")
+        assert echo.lines(2) == "data: in the callback\n---\n"
+        assert bus("component", "unload", CONTAINER, "1", "-q") == Result("1\n", "", 0)
+        container.error_line_with(
+            r"\[waits\]: a callback was not finished before the unloading: the publisher on '/midway' is"
+        )
+        assert bus("component", "load", CONTAINER, "parts", "parts:Plain") == loaded(2, "/plain")
+        assert echo.end(signal.SIGINT).out == ""
+    assert container.end(signal.SIGINT).code == 0
 
 
 def test_no_container(daemon: object) -> None:

@@ -7,10 +7,13 @@ import sys
 from contextlib import suppress
 
 import bus_ros.rclpy as rclpy
+from bus_ros.entity import Entity, Work
+from bus_ros.rclpy.exceptions import InvalidHandle
 from bus_ros.rclpy.executors import (
     Executor,
     ExternalShutdownException,
     MultiThreadedExecutor,
+    Ready,
     SingleThreadedExecutor,
 )
 from bus_ros.rclpy_components.component_manager import ComponentManager
@@ -18,14 +21,40 @@ from bus_ros.rclpy_components.component_manager import ComponentManager
 __all__ = ["main", "main_mt"]
 
 
+class _Container(Executor):
+    """An executor that a component may leave in the middle of a call.
+
+    `unload_node` destroys a component's node at once, also while another thread, or a coroutine, is in a
+    callback of it. That callback's next use of the node raises InvalidHandle, which must end nothing else.
+    """
+
+    def _run(self, entity: Ready, work: Work) -> bool:
+        try:
+            return super()._run(entity, work)
+        except InvalidHandle as error:
+            called = entity if isinstance(entity, Entity) else entity.holder
+            if called is None or not called.is_destroyed:
+                raise
+            called.node.get_logger().warning(f"a callback was not finished before the unloading: {error}")
+            return True
+
+
+class _SingleThreaded(_Container, SingleThreadedExecutor):
+    pass
+
+
+class _MultiThreaded(_Container, MultiThreadedExecutor):
+    pass
+
+
 def main() -> int:
     """All components share one thread."""
-    return _run(SingleThreadedExecutor)
+    return _run(_SingleThreaded)
 
 
 def main_mt() -> int:
     """Callbacks of components run in several threads."""
-    return _run(MultiThreadedExecutor)
+    return _run(_MultiThreaded)
 
 
 def _run(executor_class: type[Executor]) -> int:

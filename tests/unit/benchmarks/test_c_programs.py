@@ -4,8 +4,10 @@ import fcntl
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import gettempdir
 
 import pytest
 
@@ -14,6 +16,7 @@ from benchmarks.copying import measure_copying
 from benchmarks.harness import Failure
 from benchmarks.machine import ROOT
 from benchmarks.plan import Plan
+from benchmarks.servers import serve_roudi
 from benchmarks.systems import C_FLOOR, System
 from benchmarks.work import Work
 
@@ -31,6 +34,19 @@ def program() -> Path:
         fcntl.flock(lock, fcntl.LOCK_EX)
         subprocess.run(["make", "-C", folder, f"BUS={bus}"], check=True, capture_output=True)
     return folder / "build" / "bare"
+
+
+@pytest.fixture(autouse=True)
+def turn(request: pytest.FixtureRequest) -> Iterator[None]:
+    """A machine has at most one daemon of iceoryx, and the tests run side by side."""
+    callspec = getattr(request.node, "callspec", None)
+    system = callspec and callspec.params.get("system")
+    if system is None or system.serve is not serve_roudi:
+        yield
+        return
+    with Path(gettempdir(), "bus-benchmarks-roudi.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
 
 
 def need(system: System) -> None:
