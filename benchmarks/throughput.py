@@ -49,7 +49,7 @@ _QUIET_S = 0.3
 """After this time without a message, a lossy subscriber has all messages that it will get."""
 _KiB = 1024
 _SMALL = 64
-_FLOOD_S = (0.3, 2.0)
+_FLOOD_S = (0.3, 1.0)
 """Length of a flood: the approximate one in a quick run, and the least one in a normal run."""
 _TRIES, _LONGER, _MOST_LONGER = 3, 1.2, 20.0
 """Number of tries for a flood that was too short, and the factors by which it may be lengthened."""

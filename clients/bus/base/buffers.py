@@ -2,7 +2,17 @@
 
 import mmap
 
-__all__ = ["paged_buffer"]
+__all__ = ["paged_buffer", "zeroed_buffer"]
+
+_QUICKLY_ZEROED_BYTES = 4 << 20
+
+
+def zeroed_buffer(size: int) -> bytearray | memoryview:
+    """Make a writable buffer of `size` zero bytes, in a short time for any size.
+
+    A longer buffer could cost as much as writing it, so it gets its memory page by page; as `paged_buffer`.
+    """
+    return bytearray(size) if size <= _QUICKLY_ZEROED_BYTES else paged_buffer(size)
 
 
 def paged_buffer(size: int) -> memoryview:

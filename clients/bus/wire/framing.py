@@ -13,7 +13,7 @@ from collections.abc import Callable
 from struct import Struct
 from typing import TypeAlias
 
-from bus.base.buffers import paged_buffer
+from bus.base.buffers import paged_buffer, zeroed_buffer
 from bus.errors import RemoteProtocolError
 from bus.wire.layout import (
     CONTROL,
@@ -34,7 +34,7 @@ BUFFER_BYTES = 256 << 10
 MOST_CUT = 64
 """Most frames cut at a time: enough to make the call cheap, few enough to stop soon."""
 _FIRST_ROOM_BYTES = 4 << 20
-"""Bytes of a long frame that are charged at first. A longer one gets its memory page by page."""
+"""Bytes of a long frame that are charged at first."""
 
 _SHIFT = -(DATA_HEAD_BYTES + RECORD_HEAD_BYTES) % 8
 """Bytes before a long frame that make its first payload begin at a multiple of 8.
@@ -71,8 +71,9 @@ class FrameReader:
         self._end = 0  # bytes of a part of a frame at the start of the buffer
         self._start = self._stop = 0  # range of bytes not yet cut
         self._begin = 0  # start of the readdressed frames
-        self.make_room: Callable[[int], bytearray] = bytearray
-        """Makes a buffer for a long frame. Its contents may be undefined."""
+        self.make_room: Callable[[int], bytearray | memoryview] = zeroed_buffer
+        """Makes a buffer for a long frame, which must cost little if it is not written. Its contents may be
+        undefined."""
         self._large: memoryview | None = None  # for a frame that is too long for the common buffer
         self._large_room = 0  # size of that buffer so far, which is charged
         self._large_end = 0
@@ -269,14 +270,8 @@ class FrameReader:
             if total > BUFFER_BYTES:
                 room = min(total, _FIRST_ROOM_BYTES)
                 self._reserve(room)
-                # A longer buffer could cost as much as reading into it, even if no more bytes come. A buffer
-                # by pages does not, but it is freed at once, and the next one costs the same again.
                 try:
-                    large = (
-                        memoryview(self.make_room(_SHIFT + total))
-                        if total == room
-                        else paged_buffer(_SHIFT + total)
-                    )
+                    large = memoryview(self.make_room(_SHIFT + total))
                 except MemoryError as error:
                     self._charge(-room)
                     raise RemoteProtocolError(f"a frame of {total} bytes: {error or 'no memory'}") from None

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from bus.base.buffers import paged_buffer
+from bus.base.buffers import paged_buffer, zeroed_buffer
 
 SIZE = 32 << 20
 
@@ -43,6 +43,15 @@ def test_memory_comes_with_writing_and_goes_with_the_last_view() -> None:
     assert part[-1] == 0
     assert resident() - before > SIZE // 2
     del part
+    assert resident() - before < SIZE // 2
+
+
+@pytest.mark.parametrize("size", [1000, SIZE])
+def test_a_zeroed_buffer_is_quickly_there(size: int) -> None:
+    before = resident()
+    buffer = zeroed_buffer(size)
+    assert len(buffer) == size
+    assert not any(buffer[:1000])
     assert resident() - before < SIZE // 2
 
 
