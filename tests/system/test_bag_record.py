@@ -24,6 +24,9 @@ from terminals import OwnTerminal
 
 pytestmark = pytest.mark.usefixtures("daemon")
 
+ON_TMPFS = 'mount -t tmpfs -o size=3m none "$1" && shift && { "$@"; echo $?; read -r _; }'
+"""A shell's script: run a command beside a small tmpfs, which stays until a line comes."""
+
 
 @pytest.fixture
 def bag(tmp_path: Path) -> Bag:
@@ -138,6 +141,31 @@ class TestFaults:
         assert losses.is_balanced
         assert losses.written == len(bag.texts()) == bag.metadata.message_count
         assert losses.lost["not_written"] > 0
+
+    def test_a_full_tmpfs(self, tmp_path: Path) -> None:
+        """The recorder has reserved room there for the end of the file."""
+        disk = tmp_path / "disk"
+        disk.mkdir()
+        recorder = (*BUS, "bag", "record", "/topic", "-o", f"{disk}/walk")
+        words = ["unshare", "--mount", "sh", "-c", ON_TMPFS, "-", str(disk), *recorder]
+        pipe = subprocess.PIPE
+        with speaking() as speaker, subprocess.Popen(words, stdin=pipe, stdout=pipe, stderr=pipe) as shell:
+            assert shell.stdin is not None and shell.stdout is not None and shell.stderr is not None
+            speaker.say("/topic")
+            while b"Recording..." not in (line := shell.stderr.readline()):
+                if not line or b"not permitted" in line:
+                    pytest.skip("may make no mount")
+            for _ in range(10):
+                speaker.say("/topic", *["x" * 1000] * 400)
+            assert shell.stdout.readline() == b"1\n"
+            bag = Bag(Path(f"/proc/{shell.pid}/root{disk}/walk"))
+            losses = bag.losses()["/topic"]
+            assert losses.is_balanced
+            assert 500 < losses.written == bag.read_by_others() == bag.metadata.message_count < 2100
+            assert losses.lost["not_written"] > 0
+            _, said = shell.communicate(b"\n", WAIT_S)
+        assert b"walk_0.mcap can't grow beyond " in said
+        assert b"No space left on device; the bag has" in said
 
     def test_killed(self, bag: Bag) -> None:
         """Only messages of the last second are missing."""
