@@ -1,21 +1,46 @@
 """A client of Foxglove's protocol for tests, like a viewer."""
 
 import json
+import shutil
 import struct
+import subprocess
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
+import pytest
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
 from conftest import WAIT_S
+from vendoring import FOXGLOVE
 from web_clients import Serving
 
 SDK, OLDER = "foxglove.sdk.v1", "foxglove.websocket.v1"
 
 Frame = dict[str, Any] | bytes
+
+NPM_CLIENT = """
+const { FoxgloveClient } = require("@foxglove/ws-protocol");
+const WebSocket = require("ws");
+const [address, ...words] = process.argv.slice(1);
+const socket = new WebSocket(address, [FoxgloveClient.SUPPORTED_SUBPROTOCOL]);
+const client = new FoxgloveClient({ ws: socket });
+client.on("error", (error) => { console.error(String(error)); process.exit(1); });
+"""
+NPM_TOPICS = """
+const missing = new Set(words), byNumber = new Map();
+client.on("advertise", (channels) => {
+  for (const one of channels) if (missing.has(one.topic)) byNumber.set(client.subscribe(one.id), one);
+});
+client.on("message", ({ subscriptionId, data }) => {
+  const one = byNumber.get(subscriptionId);
+  if (missing.delete(one.topic)) console.log(`${one.topic} ${one.schemaName} ${data.byteLength}`);
+  if (missing.size === 0) process.exit(0);
+});
+"""
+"""Takes a message of each topic, and prints its topic, type and size."""
 
 
 class Foxglove:
@@ -100,3 +125,21 @@ def looking(server: Serving, subprotocol: str = SDK, **more: Any) -> Iterator[Fo
     ) as connection:
         assert connection.subprotocol == subprotocol
         yield Foxglove(connection)
+
+
+def npm_client(server: Serving, program: str, *words: str) -> list[str]:
+    """The lines that a program with Foxglove's published client (`client`) prints about `words`."""
+    if shutil.which("node") is None:
+        pytest.skip("no node, which runs that client")
+    if not (FOXGLOVE / "node_modules" / "ws").exists():
+        pytest.skip("no @foxglove/ws-protocol: `make foxglove` fetches it by npm")
+    result = subprocess.run(
+        ["node", "-e", NPM_CLIENT + program, server.foxglove, *words],
+        cwd=FOXGLOVE,
+        capture_output=True,
+        text=True,
+        timeout=WAIT_S,
+        check=False,
+    )
+    assert (result.returncode, result.stderr) == (0, "")
+    return result.stdout.splitlines()

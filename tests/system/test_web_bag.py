@@ -17,12 +17,12 @@ from bus.msg.std_msgs import Int64
 from bus_bag.storage import BagWriter
 from cli import bus, wait_for_graph
 from conftest import WAIT_S, Daemon
-from playing import START, Sample, write_bag
+from playing import LATCHED, START, Sample, write_bag
 from recording import Bag, recording, speaking
 
 pytest.importorskip("websockets", reason="the server is made of websockets")
 
-from foxglove_client import Foxglove, looking
+from foxglove_client import NPM_TOPICS, Foxglove, looking, npm_client
 from web_clients import Serving, serving
 
 pytestmark = pytest.mark.usefixtures("daemon")
@@ -118,6 +118,16 @@ def test_a_viewer_controls_it(tmp_path: Path) -> None:
         assert time_ns - START >= 2_000_000_000 and int.from_bytes(data[4:], "little") == 2000
         assert server.running.end(signal.SIGHUP).code == -signal.SIGTERM
     assert not socket.parent.exists()
+
+
+def test_the_client_that_foxglove_has_published(tmp_path: Path) -> None:
+    """@foxglove/ws-protocol knows no playback: it is told of none, and gets the bag's messages."""
+    sample = Sample("/x", 0, Int64(data=7))
+    bag = write_bag(tmp_path / "bag", [sample, sample._replace(at_ms=3_600_000)], qos={"/x": [LATCHED]})
+    with opened(bag) as (server, _), server.viewer() as page:
+        page.say("play", step=True)
+        page.hear("playback", lambda told: told["messages"] == 1)
+        assert npm_client(server, NPM_TOPICS, "/x") == ["/x std_msgs/msg/Int64 12"]
 
 
 def ask(viewer: Foxglove, id: str, *, pause: bool = False, seek_ns: int | None = None) -> None:

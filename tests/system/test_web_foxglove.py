@@ -2,12 +2,11 @@
 
 import asyncio
 import json
-import shutil
 import struct
-import subprocess
 from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import ExitStack, closing
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -28,9 +27,8 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 from websockets.typing import Origin, Subprotocol
 
-from foxglove_client import OLDER, SDK, looking
+from foxglove_client import NPM_TOPICS, OLDER, SDK, looking, npm_client
 from neighbours import with_limits
-from vendoring import FOXGLOVE
 from web_clients import CAMERA, Serving, Silent, own_bytes, serving
 
 ROBOT = ("perception", "cognition", "actuation", "monitoring")
@@ -156,44 +154,51 @@ def test_every_channel_of_the_robot(robot: None, subprotocol: str) -> None:
         assert asyncio.run(compare(server, subprotocol)).keys() == TOPICS
 
 
-NPM_CLIENT = """
-const { FoxgloveClient } = require("@foxglove/ws-protocol");
-const WebSocket = require("ws");
-const [address, ...topics] = process.argv.slice(1);
-const socket = new WebSocket(address, [FoxgloveClient.SUPPORTED_SUBPROTOCOL]);
-const client = new FoxgloveClient({ ws: socket });
-const missing = new Set(topics), byNumber = new Map();
-client.on("error", (error) => { console.error(String(error)); process.exit(1); });
-client.on("advertise", (channels) => {
-  for (const one of channels) byNumber.set(client.subscribe(one.id), one);
+def test_the_client_that_foxglove_has_published(robot: None) -> None:
+    """@foxglove/ws-protocol gets messages of every channel."""
+    with serving() as server:
+        lines = npm_client(server, NPM_TOPICS, *TOPICS)
+    sizes = {line.split()[0]: int(line.split()[2]) for line in lines}
+    assert sizes.keys() == TOPICS
+    assert sizes["/camera/image_raw"] > 100_000
+
+
+NPM_QUESTIONS = """
+client.on("open", () => {
+  client.getParameters(["/robot/arm.gain"], "gain");
+  words.forEach((uri, number) => client.fetchAsset(uri, number));
 });
-client.on("message", ({ subscriptionId, data }) => {
-  const one = byNumber.get(subscriptionId);
-  if (missing.delete(one.topic)) console.log(`${one.topic} ${one.schemaName} ${data.byteLength}`);
-  if (missing.size === 0) process.exit(0);
+const answers = [], missing = new Set(["gain", ...words.keys()]);
+function answer(id, text) {
+  if (missing.delete(id)) answers.push(`${id}: ${text}`);
+  if (missing.size === 0) { console.log(answers.sort().join("\\n")); process.exit(0); }
+}
+client.on("parameterValues", ({ id, parameters }) => answer(id, JSON.stringify(parameters)));
+client.on("fetchAssetResponse", ({ requestId, data, error }) => {
+  answer(requestId, data ? new TextDecoder().decode(data) : error);
 });
 """
 
 
-def test_the_client_that_foxglove_has_published(robot: None) -> None:
-    """@foxglove/ws-protocol gets messages of every channel."""
-    if shutil.which("node") is None:
-        pytest.skip("no node, which runs that client")
-    if not (FOXGLOVE / "node_modules" / "ws").exists():
-        pytest.skip("no @foxglove/ws-protocol: `make foxglove` fetches it by npm")
-    with serving() as server:
-        result = subprocess.run(
-            ["node", "-e", NPM_CLIENT, server.foxglove, *TOPICS],
-            cwd=FOXGLOVE,
-            capture_output=True,
-            text=True,
-            timeout=WAIT_S,
-            check=False,
-        )
-    assert (result.returncode, result.stderr) == (0, "")
-    sizes = {line.split()[0]: int(line.split()[2]) for line in result.stdout.splitlines()}
-    assert sizes.keys() == TOPICS
-    assert sizes["/camera/image_raw"] > 100_000
+def test_files_and_parameters_for_the_published_client(
+    daemon: Daemon, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It reads a mesh of a share folder, no other file, and a parameter."""
+    meshes = tmp_path / "share" / "arm" / "meshes"
+    meshes.mkdir(parents=True)
+    (meshes / "hand.dae").write_text("mesh")
+    (tmp_path / "secret.dae").write_text("secret")
+    marker = tmp_path / "share" / "ament_index" / "resource_index" / "packages" / "arm"
+    marker.parent.mkdir(parents=True)
+    marker.touch()
+    monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path))
+    with script(SERVER), serving() as server:
+        wait_for_graph(lambda graph: graph.servers_of("/robot/arm/get_parameters"))
+        mesh, outside = "package://arm/meshes/hand.dae", "package://arm/../../secret.dae"
+        lines = npm_client(server, NPM_QUESTIONS, mesh, outside)
+    assert lines[0] == "0: mesh"
+    assert lines[1].startswith("1: ") and "begins with a dot" in lines[1]
+    assert lines[2:] == ['gain: [{"name":"/robot/arm.gain","value":1,"type":"float64"}]']
 
 
 class TestChannels:
