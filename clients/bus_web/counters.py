@@ -12,7 +12,7 @@ from bus_plot.loss_timeline import LossTimeline
 from bus_web.rates import HISTORY_S, Meter, RateHistory
 from bus_web.rows import Ages
 
-__all__ = ["Counters", "Group", "age_parts_of", "ages_of", "depth_of"]
+__all__ = ["Counters", "Group", "age_parts_of", "ages_of", "depth_of", "lost_history_of"]
 
 _NS = 1_000_000_000
 _NOW_NS = 3 * _NS
@@ -159,6 +159,15 @@ def age_parts_of(counters: Iterable[Counters]) -> list[int]:
     return total
 
 
+def lost_history_of(timelines: Iterable[LossTimeline | None], now_ns: int) -> tuple[float, ...]:
+    """Messages lost in each of the last seconds; empty if none was."""
+    end_s = now_ns // _NS + 1
+    begin_s = end_s - HISTORY_S
+    found = [one for one in timelines if one is not None and one.newest_s >= begin_s]
+    bars = [one.bars(begin_s, end_s, HISTORY_S) for one in found]
+    return tuple(map(sum, zip(*bars, strict=True))) if any(map(any, bars)) else ()
+
+
 class Group:
     """The endpoints of a topic, or of a node, with their combined counters."""
 
@@ -228,7 +237,7 @@ class Group:
             "age": ages_of(self.subscriptions),
             "lost_per_s": lost_per_s,
             "dropped": dropped,
-            "lost_history": self._lost_history(),
+            "lost_history": lost_history_of(self._timelines(), self.looked_ns),
             "lost_in_all": sum(one.total for one in self._timelines()),
         }
 
@@ -236,10 +245,3 @@ class Group:
         if self.timeline is not None:
             return [self.timeline]
         return [one.timeline for one in self.subscriptions if one.timeline is not None]
-
-    def _lost_history(self) -> tuple[float, ...]:
-        """Messages lost in each of the last seconds; empty if none was."""
-        end_s = self.looked_ns // _NS + 1
-        begin_s = end_s - HISTORY_S
-        bars = [one.bars(begin_s, end_s, HISTORY_S) for one in self._timelines() if one.newest_s >= begin_s]
-        return tuple(map(sum, zip(*bars, strict=True))) if any(map(any, bars)) else ()

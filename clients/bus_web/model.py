@@ -11,7 +11,7 @@ from bus.graph import Graph, GraphEndpoint, GraphMatch
 from bus.names import is_hidden_node, is_hidden_topic
 from bus_plot.loss_timeline import LossTimeline
 from bus_web.advice import advice
-from bus_web.counters import Counters, Group, age_parts_of, ages_of, depth_of
+from bus_web.counters import Counters, Group, age_parts_of, ages_of, depth_of, lost_history_of
 from bus_web.rates import RateHistory
 from bus_web.rows import EndpointRow, NodeRow, Pair, Sums, TopicRow
 
@@ -272,6 +272,7 @@ class Model:
             lost_per_s=mine.lost_per_s,
             routes=tuple(sorted(self._routes(one))),
             age=ages_of([mine]),
+            lost_history=lost_history_of([mine.timeline], self._looked_ns),
             advice=self._advice(mine),
         )
 

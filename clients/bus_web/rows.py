@@ -72,6 +72,8 @@ class EndpointRow(msgspec.Struct, frozen=True, kw_only=True):
     """Routes of the matches, each route once."""
     age: Ages | None
     """Ages of messages that a subscription took; None if it took none recently."""
+    lost_history: tuple[float, ...] = ()
+    """Messages that it lost in each of the last 60 seconds, the newest last; empty if none was."""
     advice: str = ""
     """A sentence about the depth of a subscription, if its figures support one."""
 

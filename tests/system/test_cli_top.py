@@ -381,6 +381,7 @@ async def test_when_messages_were_lost(daemon: Daemon) -> None:
         for number in range(10):
             publisher.publish(Int64(data=number))
         await shown.until("8 ▁*█▁* +(loses now|has lost): replaced", "rows")
+        await shown.until(r"8 \(replaced: 8\) ▁*█▁* ", "below")
 
 
 async def test_ages(daemon: Daemon) -> None:

@@ -115,7 +115,8 @@ def _endpoint_columns(title: str, name: Callable[[EndpointRow], str]) -> list[Co
         Column("QUEUE", queue_text, None, 7, 4),
         Column("AGE", lambda row: age_text(row.age), None, 7, 2),
         Column("P99", lambda row: p99_text(row.age), None, 7, 2),
-        Column("LOST", lambda row: NONE if row.kind == "publisher" else dropped_text(row.dropped)),
+        Column("LOST", lambda row: NONE if row.kind == "publisher" else dropped_text(row.dropped), least=28),
+        Column("LOSSES", lambda row: losses_text(row.lost_history), None, SPARK_CELLS, 1),
         Column("QOS", lambda row: in_words(row.qos), goes=1),
     ]
 

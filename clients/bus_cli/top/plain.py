@@ -124,7 +124,7 @@ def _topic(model: Model, row: TopicRow) -> dict[str, Any]:
 
 def _endpoint(row: EndpointRow) -> dict[str, Any]:
     found: dict[str, Any] = to_builtins(row)
-    for name in ("id", "node_id", "topic"):
+    for name in ("id", "node_id", "topic", "lost_history"):
         del found[name]
     qos = {name: to_builtins(getattr(row.qos, name)) for name in row.qos.__struct_fields__}
     return {**found, "lost": row.lost, "qos": qos}

@@ -118,6 +118,7 @@ def test_losses_survive_a_restart_of_busd() -> None:
     assert row.lost_history[-4:] == (0, 5, 0, 0)
     (subscription,) = [one for one in model.endpoints("/chatter") if one.kind == "subscription"]
     assert subscription.dropped == {"replaced": 7}
+    assert subscription.lost_history == row.lost_history
     model.take(graph(PUBLISHER, lost(7), matches=MATCHES, revision=3), 14 * S)
     (row,) = model.topics()
     assert (row.lost, row.lost_per_s) == (7, 0.0), "what busd learned again was not lost again"

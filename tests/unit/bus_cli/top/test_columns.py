@@ -197,13 +197,23 @@ def test_losses_are_said_in_words(row: TopicRow | EndpointRow, why: str, mark: s
 def test_endpoints_and_what_does_not_match() -> None:
     talker, listener = (
         endpoint(1, "publisher", "/talker", hz=10.0, messages=40),
-        endpoint(2, "subscription", "/listener", dropped={"replaced": 2, "expired": 1}, lost_per_s=1.0),
+        endpoint(
+            2,
+            "subscription",
+            "/listener",
+            dropped={"replaced": 2, "expired": 1},
+            lost_per_s=1.0,
+            lost_history=(0.0,) * 54 + (0.5,) * 6,
+        ),
     )
     pairs = [Pair(1, 2, "shm"), Pair(1, 3, reason="ERROR: one is best effort, the other is not"), Pair(8, 9)]
     names = {1: "/talker", 2: "/listener", 3: "/other"}
     title, lines = endpoint_lines(BUSY, [talker, listener], pairs, names, 120)
     assert title.split() == ["NODE", "KIND", "PID", "MESSAGES", "HZ", "QUEUE", "AGE", "P99", "LOST", "QOS"]
     first, second, third = lines
+    wide, (_, losing, _) = endpoint_lines(BUSY, [talker, listener], pairs, names, 140)
+    assert wide.split()[-3:] == ["LOST", "LOSSES", "QOS"]
+    assert "3 (expired: 1, replaced: 2) ▁▁▁▁▁▁▁▁▁█ keep last" in losing.text
     assert first.text.split()[:6] == ["/talker", "pub", "7", "40", "10", "-"]
     assert "3 (expired: 1, replaced: 2)" in second.text
     assert (first.mark, second.mark) == ("", LOSES)
