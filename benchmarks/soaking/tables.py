@@ -1,14 +1,13 @@
 """A soak's record as text. Pure."""
 
-import math
 from collections.abc import Sequence
 
 from benchmarks.report import number, table
 from benchmarks.soaking.record import Judged, Record
 from bus_cli.bench.figures import bytes_text
+from bus_plot.bars import peaks_text
 
-_BARS = "▁▂▃▄▅▆▇█"
-_COLUMNS = 24
+_CELLS = 24
 _MOST_FAILURES = 30
 
 
@@ -22,8 +21,9 @@ def latency_table(record: Record) -> str:
             continue
         over_time = [one.latency[group] for one in record.intervals if group in one.latency]
         figures = (found.p50, found.p99, found.p99_9, found.max)
-        lines = ([one.p50 for one in over_time], [one.p99 for one in over_time])
-        rows.append([label(group), *map(number, figures), f"{found.samples:,}", *map(sparkline, lines)])
+        courses = ([one.p50 for one in over_time], [one.p99 for one in over_time])
+        bars = [peaks_text(one, _CELLS) for one in courses]
+        rows.append([label(group), *map(number, figures), f"{found.samples:,}", *bars])
     headings = ["µs", "p50", "p99", "p99.9", "max", "messages", "p50 over time", "p99 over time"]
     return table(headings, rows)
 
@@ -78,19 +78,6 @@ def label(group: str) -> str:
     """The name of a group for people, such as of `shm 100`."""
     route, size = group.split()
     return f"{route} {bytes_text(int(size))}"
-
-
-def sparkline(values: Sequence[float]) -> str:
-    """The largest value of each stretch, on a logarithmic scale from the least of them to the largest.
-
-    A scale spans at least a factor of eight; otherwise noise would fill it.
-    """
-    step = max(1, math.ceil(len(values) / _COLUMNS))
-    heights = [math.log2(max(*values[at : at + step], 1e-9)) for at in range(0, len(values), step)]
-    if not heights:
-        return ""
-    low, span = min(heights), max(max(heights) - min(heights), 3.0)
-    return "".join(_BARS[min(len(_BARS) - 1, int((one - low) / span * len(_BARS)))] for one in heights)
 
 
 def _verdict(judged: Sequence[Judged]) -> str:

@@ -10,5 +10,5 @@ Invariants:
 - A timeline has a bound, and no loss leaves it: old losses only become less exact in time.
 - Texts of other programs, such as topic names, are escaped in pictures.
 
-`bus top`, the page and bags use it. Read first: `loss_timeline.py`. Tests: `tests/unit/bus_plot/`.
+`bus top`, the page, bags and the soak use it. Read first: `loss_timeline.py`. Tests: `tests/unit/bus_plot/`.
 """

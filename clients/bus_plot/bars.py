@@ -2,8 +2,9 @@
 
 from collections.abc import Sequence
 from itertools import pairwise
+from math import ceil, log2
 
-__all__ = ["bars_text", "joined"]
+__all__ = ["bars_text", "joined", "peaks_text"]
 
 _BARS = "▁▂▃▄▅▆▇█"
 
@@ -24,3 +25,16 @@ def joined(values: Sequence[float], number: int) -> list[float]:
     """The sums of `number` parts of the values, which are equally long except for rounding."""
     ends = [len(values) * place // number for place in range(number + 1)]
     return [sum(values[begin:end]) for begin, end in pairwise(ends)]
+
+
+def peaks_text(values: Sequence[float], cells: int) -> str:
+    """The largest value of each stretch, on a logarithmic scale from the least of them to the largest.
+
+    A scale spans at least a factor of eight; otherwise noise would fill it.
+    """
+    step = max(1, ceil(len(values) / cells))
+    heights = [log2(max(*values[at : at + step], 1e-9)) for at in range(0, len(values), step)]
+    if not heights:
+        return ""
+    low, span = min(heights), max(max(heights) - min(heights), 3.0)
+    return "".join(_BARS[min(len(_BARS) - 1, int((one - low) / span * len(_BARS)))] for one in heights)

@@ -235,13 +235,6 @@ def test_tables_name_what_grows() -> None:
     assert "two" in tables.account_table(found) and "expired: 1, replaced: 5" in tables.account_table(found)
 
 
-def test_sparklines_show_peaks_and_no_noise() -> None:
-    assert tables.sparkline([10, 10.5, 80, 10]) == "▁▁█▁"
-    assert tables.sparkline([]) == ""
-    long = tables.sparkline([1.0] * 1000 + [900.0] + [1.0] * 1000)
-    assert len(long) <= 24 and long.count("█") == 1
-
-
 def test_many_failures_are_not_all_shown() -> None:
     lines = tables.failures_text([f"fault {number}" for number in range(100)]).splitlines()
     assert (lines[0], lines[-1], len(lines)) == ("FAILED: fault 0", "... and 70 more", 31)
