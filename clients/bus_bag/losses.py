@@ -31,8 +31,9 @@ class TopicLosses(msgspec.Struct, frozen=True, omit_defaults=True):
     lost: dict[str, int] = {}
     """Lost messages by reason.
 
-    The reasons are the ones in a subscription's statistics, and two more. `recorder_cache`: there was no room
-    in the recorder. `not_written`: the disk was full, or the recording was ended at once.
+    The reasons are the ones in a subscription's statistics, and three more. `recorder_cache`: there was no
+    room in the recorder. `not_written`: the disk was full, or the recording was ended at once.
+    `unexplained`: no counter has the reason.
     """
 
     when: list[Slot] = []
