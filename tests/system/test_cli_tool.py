@@ -215,6 +215,8 @@ def test_the_shell_completes_from_the_live_graph(daemon: object, tmp_path: Path)
         offered = complete("bus topic echo /topic ", tmp_path)
         assert [word for word in offered if not word.startswith("-")] == ["std_msgs/msg/String"]
         assert complete("bus top --sort lo", tmp_path) == ["lost/s", "lost"]
+        assert complete("bus bag record /t", tmp_path) == ["/topic"]
+        assert complete("bus bag record --topics /t", tmp_path) == ["/topic"]
         assert complete("bus node info /m", tmp_path) == ["/minimal_publisher"]
         assert complete("bus topic find std_msgs/msg/Str", tmp_path) == ["std_msgs/msg/String"]
         assert "--once" in complete("bus topic echo --on", tmp_path)
@@ -228,6 +230,14 @@ def test_the_shell_completes_launch_files_and_programs(tmp_path: Path) -> None:
     pytest.importorskip("argcomplete")
     assert offered("bus launch turtlesim ", tmp_path) == ["multisim.launch.py"]
     assert offered("bus run turtlesim mi", tmp_path) == ["mimic"]
+
+
+def test_the_shell_completes_bags(tmp_path: Path) -> None:
+    pytest.importorskip("argcomplete")
+    (tmp_path / "walk").mkdir()
+    for verb in ("play", "burst", "info", "reindex"):
+        assert complete(f"bus bag {verb} {tmp_path}/wa", tmp_path) == [f"{tmp_path}/walk/"]
+    assert complete("bus bag play --skip", tmp_path) == ["--skip-gaps"]
 
 
 def test_the_shell_completes_frames(daemon: object, tmp_path: Path) -> None:
