@@ -10,7 +10,14 @@ from typing import Any
 import pytest
 
 from conftest import WAIT_S
+from vendoring import AXE
 
+_FAULTS = """
+const done = arguments[arguments.length - 1];
+axe.run(document, {runOnly: ['wcag2a', 'wcag2aa', 'wcag21a', 'wcag21aa', 'best-practice']})
+  .then(result => done(result.violations.map(one => [one.impact, one.id,
+    one.nodes.slice(0, 3).map(node => node.target.join() + ': ' + node.failureSummary)])))
+"""
 _LOOK_S = 0.05
 _SIZE = (1360, 960)
 
@@ -78,6 +85,15 @@ class Page:
     def console(self) -> list[str]:
         """Messages of the console since the last call."""
         return [f"{line['level']} {line['message']}" for line in self.driver.get_log("browser")]
+
+    def faults(self) -> list[object]:
+        """Violations of the rules of accessibility; none without axe-core, which `make axe` fetches."""
+        if not AXE.exists():
+            return []
+        if not self.run("return 'axe' in window"):
+            self.run(AXE.read_text())
+        found: list[object] = self.driver.execute_async_script(_FAULTS)
+        return found
 
     def picture(self, path: Path) -> None:
         self.driver.save_screenshot(str(path))

@@ -272,7 +272,9 @@ class Model:
             lost_per_s=mine.lost_per_s,
             routes=tuple(sorted(self._routes(one))),
             age=ages_of([mine]),
-            lost_history=lost_history_of([mine.timeline], self._looked_ns),
+            lost_history=lost_history_of([mine.timeline], self._looked_ns)
+            if one.kind == "subscription"
+            else (),
             advice=self._advice(mine),
         )
 

@@ -175,7 +175,17 @@ def detail(model: Model, topics: Iterable[str], now_s: float) -> bytes:
     losses = {topic: _losses(one, now_s) for topic in topics if (one := model.losses(topic))}
     return message(
         "detail",
-        ends={str(one.id): [one.messages, one.bytes, one.queued, one.dropped, one.advice] for one in ends},
+        ends={
+            str(one.id): [
+                one.messages,
+                one.bytes,
+                one.queued,
+                one.dropped,
+                _short(one.lost_history),
+                one.advice,
+            ]
+            for one in ends
+        },
         losses=losses,
         ages={topic: _age_bars(parts) for topic in topics if any(parts := model.age_parts(topic))},
     )

@@ -178,6 +178,7 @@ def test_the_page_has_a_bar(tmp_path: Path) -> None:
         page.wait("return document.querySelector('#bag').hidden === false")
         shown = "return document.querySelector('#bag [role=status]').textContent"
         page.wait(shown, fits=lambda text: text == "paused")
+        assert page.faults() == []
         assert page.texts("#bag .note") == ["bag: it has no record of losses; only bus bag record writes one"]
         page.press("#bag button")
         page.wait(shown, fits=lambda text: text == "playing")

@@ -25,7 +25,7 @@ export class Bus {
     const ends = new Map();
     for (const [id, kind, node, topic, type, qos, depth] of told.ends) {
       const end = {
-        hz: null, queued: 0, lost: 0, lostPerS: 0, age: null, messages: null, bytes: null, dropped: {}, advice: "", ...this.ends.get(id),
+        hz: null, queued: 0, lost: 0, lostPerS: 0, age: null, messages: null, bytes: null, dropped: {}, lostHistory: [], advice: "", ...this.ends.get(id),
         id, kind, node, topic, type, qos, depth, routes: new Set(), reasons: [],
       };
       ends.set(id, end);
@@ -69,9 +69,9 @@ export class Bus {
   }
 
   setDetail(told) {
-    for (const [id, [messages, bytes, queued, dropped, advice]] of Object.entries(told.ends)) {
+    for (const [id, [messages, bytes, queued, dropped, lostHistory, advice]] of Object.entries(told.ends)) {
       const end = this.ends.get(Number(id));
-      if (end) Object.assign(end, { messages, bytes, queued, dropped, advice });
+      if (end) Object.assign(end, { messages, bytes, queued, dropped, lostHistory, advice });
     }
     for (const topic of this.topics.values()) Object.assign(topic, { past: null, ages: null });
     for (const [name, ages] of Object.entries(told.ages)) {

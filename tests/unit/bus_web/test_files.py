@@ -6,7 +6,7 @@ from hashlib import sha256
 from bus_web.files import PAGE, load, security_headers
 
 FILES = load()
-MOST_BYTES = 200_000
+MOST_BYTES = 200 << 10
 INLINE = re.compile(r"<script(?![^>]*\bsrc=)|<style|\bstyle=|\bon\w+=|javascript:", re.IGNORECASE)
 ELSEWHERE = re.compile(r"https?://(?!www\.w3\.org/2000/svg)|@import|\burl\((?!#)")
 

@@ -84,7 +84,7 @@ def test_all_counters() -> None:
     model = Model()
     take(model, 2, lost=3)
     told = read(protocol.detail(model, ["/chatter", "/unknown"], 2.5))
-    assert told["ends"]["4"] == [20, 200, 0, {"replaced": 3}, ""]
+    assert told["ends"]["4"] == [20, 200, 0, {"replaced": 3}, [], ""]
     losses = told["losses"]["/chatter"]
     assert (losses["bursts"], losses["earlier"]) == ([], {"replaced": 3}), "it is not known when"
 
@@ -114,6 +114,8 @@ def test_when_messages_were_lost() -> None:
     assert {at: n for at, n in enumerate(losses["bars"]) if n} == {17: 9, 26: 1}, "132 s are the end"
     history = read(protocol.history(model.topics()))["losses"]["/chatter"]
     assert (history[-1], history[-28], history[-29], sum(history)) == (1, 5, 4, 10)
+    ends = read(protocol.detail(model, ["/chatter"], 33.25))["ends"]
+    assert [ends[number][4] for number in ("3", "4")] == [[], history], "publishers are not shown"
 
 
 def test_what_the_page_says() -> None:
