@@ -35,7 +35,7 @@ def join(world: World, *arguments: str) -> tuple[Side, Bridge]:
     return side, side.bridge("ros2", "--domain-id", str(world.domain), "--carrier", world.carrier, *arguments)
 
 
-async def ros(world: World, distro: peer.Distro = "jazzy") -> Peer:
+async def ros(world: World, distro: peer.Distro) -> Peer:
     """A node of rclpy with the name `ros_node`."""
     machine = world["robot"].machine
     return await asyncio.to_thread(peer.ros, distro, "ros_node", machine, domain=world.domain)

@@ -61,10 +61,10 @@ def python_of(distro: Distro) -> Path:
 
 
 @cache
-def why_no_ros(distro: Distro) -> str:
-    """Why there is no rclpy of that distribution; empty where there is one."""
-    site = python_of(distro).parents[1].glob("lib/python*/site-packages/rclpy")
-    return "" if any(site) else f"ROS 2's own rclpy ({distro}) is not installed: make peers"
+def why_no_ros(distro: Distro, package: str = "rclpy") -> str:
+    """Why there is no such package of that distribution; empty where there is one."""
+    site = python_of(distro).parents[1].glob(f"lib/python*/site-packages/{package}")
+    return "" if any(site) else f"ROS 2's own {package} ({distro}) is not installed: make peers"
 
 
 class Peer:

@@ -36,10 +36,10 @@ def bridge(world: World, *arguments: str) -> Bridge:
     return world["laptop"].bridge("ros2", *options, *arguments)
 
 
-async def ros(world: World, machine: str, reach: Any) -> Peer:
+async def ros(world: World, distro: peer.Distro, machine: str, reach: Any) -> Peer:
     """A node of rclpy, with the name of its machine."""
     return await asyncio.to_thread(
-        peer.ros, "jazzy", machine, world[machine].machine, domain=world.domain, reach=reach
+        peer.ros, distro, machine, world[machine].machine, domain=world.domain, reach=reach
     )
 
 
@@ -51,15 +51,16 @@ async def logs(one: Bridge, text: str) -> None:
     await until(lambda: text in one.log.read_text(), lambda: one.log.read_text())
 
 
+@peer.each_distro
 @on_one_loop
 async def test_localhost_finds_nodes_of_this_machine_and_static_peers(
-    world: World, monkeypatch: pytest.MonkeyPatch
+    world: World, distro: peer.Distro, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     cable = world.cable()
     monkeypatch.setenv(_RANGE, "LOCALHOST")
     first = bridge(world, "--interface", cable.interface_of("laptop"))
     await logs(first, f"{_RANGE} is LOCALHOST: no multicast, so other machines are found as peers only")
-    with await ros(world, "robot", "SUBNET"), await ros(world, "laptop", "SUBNET") as witness:
+    with await ros(world, distro, "robot", "SUBNET"), await ros(world, distro, "laptop", "SUBNET") as witness:
         await asyncio.to_thread(witness.wait_for, "nodes", lambda found: "/robot" in found)
         await world["laptop"].shows(lambda graph: "/laptop" in names_in(graph))
         assert "/robot" not in world["laptop"].names()
@@ -69,9 +70,10 @@ async def test_localhost_finds_nodes_of_this_machine_and_static_peers(
         await world["laptop"].shows(lambda graph: {"/laptop", "/robot"} <= names_in(graph))
 
 
+@peer.each_distro
 @on_one_loop
 async def test_a_node_that_names_this_machine_as_a_peer_finds_the_bridge(
-    world: World, monkeypatch: pytest.MonkeyPatch
+    world: World, distro: peer.Distro, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     cable = world.cable()
     monkeypatch.setenv(_RANGE, "LOCALHOST")
@@ -79,7 +81,7 @@ async def test_a_node_that_names_this_machine_as_a_peer_finds_the_bridge(
     await logs(first, "no multicast")
     far = await asyncio.to_thread(
         peer.ros,
-        "jazzy",
+        distro,
         "robot",
         world["robot"].machine,
         domain=world.domain,
@@ -90,8 +92,9 @@ async def test_a_node_that_names_this_machine_as_a_peer_finds_the_bridge(
         await world["laptop"].shows(lambda graph: "/robot" in names_in(graph))
 
 
+@peer.each_distro
 @on_one_loop
-async def test_off_finds_nothing(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_off_finds_nothing(world: World, distro: peer.Distro, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(_RANGE, "OFF")
     monkeypatch.setenv(_PEERS, "127.0.0.1")
     async with world["laptop"].node("ours") as node:
@@ -99,7 +102,10 @@ async def test_off_finds_nothing(world: World, monkeypatch: pytest.MonkeyPatch) 
         first = bridge(world)
         await logs(first, f"{_RANGE} is OFF: the bridge finds no node of ROS 2, and none finds the bridge")
         await logs(first, f"{_RANGE} is OFF: {_PEERS} has no effect")
-        with await ros(world, "laptop", "LOCALHOST") as one, await ros(world, "laptop", "LOCALHOST") as two:
+        with (
+            await ros(world, distro, "laptop", "LOCALHOST") as one,
+            await ros(world, distro, "laptop", "LOCALHOST") as two,
+        ):
             for each in (one, two):
                 await asyncio.to_thread(each.wait_for, "nodes", lambda found: found.count("/laptop") == 2)
             assert await asyncio.to_thread(one.ask, "nodes") == ["/laptop", "/laptop"]

@@ -17,6 +17,7 @@ from bus.srv.example_interfaces import AddTwoInts
 from bus_bridge.core.naming import Naming
 from bus_bridge.core.rules import Rules, TopicRule
 from conftest import WAIT_S, Daemon
+from peers import peer
 from ports import free_port
 from ros2_bridged import ask, ros
 from terminals import OwnTerminal
@@ -180,8 +181,11 @@ RULES = '[[bridge.ros2.topics]]\npattern = "{}"\ndirection = "none"\n'
 
 
 @pytest.mark.parametrize("carrier", ["cyclonedds", "rtps"])
+@peer.each_distro
 @on_one_loop
-async def test_sighup_with_ros_2(ros2_world: World, tmp_path: Path, carrier: str) -> None:
+async def test_sighup_with_ros_2(
+    ros2_world: World, distro: peer.Distro, tmp_path: Path, carrier: str
+) -> None:
     pytest.importorskip("cyclonedds", reason="cyclonedds is not installed: make setup installs it")
     ros2_world.carrier = carrier
     file = tmp_path / "bridge.toml"
@@ -199,7 +203,7 @@ async def test_sighup_with_ros_2(ros2_world: World, tmp_path: Path, carrier: str
         heard: list[int] = []
         await ours.create_subscription(String, "/in", 1000, lambda message: heard.append(int(message.data)))
         await ours.create_subscription(String, "/gone", 1000)
-        with await ros(ros2_world) as far:
+        with await ros(ros2_world, distro) as far:
             for topic in ("/in", "/gone"):
                 await ask(far, "publish", topic=topic, type_name=string, depth=1000)
             await ask(far, "listen", topic="/out", type_name=string, depth=1000)
@@ -234,9 +238,10 @@ async def test_sighup_with_ros_2(ros2_world: World, tmp_path: Path, carrier: str
 
 
 @pytest.mark.parametrize("carrier", ["cyclonedds", "rtps"])
+@peer.each_distro
 @on_one_loop
 async def test_the_history_of_a_mirror_that_is_made_again(
-    ros2_world: World, tmp_path: Path, carrier: str
+    ros2_world: World, distro: peer.Distro, tmp_path: Path, carrier: str
 ) -> None:
     pytest.importorskip("cyclonedds", reason="cyclonedds is not installed: make setup installs it")
     ros2_world.carrier = carrier
@@ -248,7 +253,7 @@ async def test_the_history_of_a_mirror_that_is_made_again(
         heard: list[str] = []
         late: list[str] = []
         await ours.create_subscription(String, "/map", latched, lambda message: heard.append(message.data))
-        with await ros(ros2_world) as far:
+        with await ros(ros2_world, distro) as far:
             kind = {"type_name": "std_msgs/msg/String", "durability": "transient_local", "depth": 5}
             await ask(far, "publish", topic="/map", **kind)
             for text in "ab":

@@ -97,8 +97,9 @@ async def _services(node: bus.Node) -> list[str]:
 
 
 @pytest.mark.parametrize("carrier", ["cyclonedds", "rtps"])
+@peer.each_distro
 @on_one_loop
-async def test_ros_2(ros2_world: World, tmp_path: Path, carrier: str) -> None:
+async def test_ros_2(ros2_world: World, distro: peer.Distro, tmp_path: Path, carrier: str) -> None:
     pytest.importorskip("cyclonedds", reason="cyclonedds is not installed: make setup installs it")
     ros2_world.carrier = carrier
     (tmp_path / "bridge.toml").write_text("""
@@ -118,7 +119,7 @@ async def test_ros_2(ros2_world: World, tmp_path: Path, carrier: str) -> None:
         subscription = await ours.create_subscription(
             String, "/scan", 10, lambda message: heard.append(message.data)
         )
-        with await ros(ros2_world) as far:
+        with await ros(ros2_world, distro) as far:
             best = {"reliability": "best_effort"}
             await ask(far, "publish", topic="/front/scan", type_name=string, **best)
             await ask(far, "publish", topic="/scan", type_name=string)

@@ -13,6 +13,7 @@ import pytest
 import bus
 from bridged_world import Bridge, World, on_one_loop, until
 from bus.types.classes import service_class
+from peers import peer
 from peers.peer import Peer
 from ros2_bridged import LIST, ask, join, ros, world
 
@@ -69,13 +70,14 @@ class Asked:
             server.respond(one, ListParameters.Response())
 
 
+@peer.each_distro
 @on_one_loop
-async def test_a_slow_server_loses_no_request(world: World) -> None:
+async def test_a_slow_server_loses_no_request(world: World, distro: peer.Distro) -> None:
     """Its queue of ten is shared by all clients."""
     side, _ = join(world)
     async with side.node("one") as one, side.node("other") as other:
         clients = [await node.create_client(ListParameters, "/theirs") for node in (one, other)]
-        with await ros(world) as far:
+        with await ros(world, distro) as far:
             await ask(far, "offer", service="/theirs", type_name=LIST, pause_s=0.05)
             for client in clients:
                 await client.wait_for_service()
@@ -83,8 +85,9 @@ async def test_a_slow_server_loses_no_request(world: World) -> None:
             assert await ends(calls, LEASE_S) == {"answer": 40}
 
 
+@peer.each_distro
 @on_one_loop
-async def test_two_servers_carry_out_each_request_once(world: World) -> None:
+async def test_two_servers_carry_out_each_request_once(world: World, distro: peer.Distro) -> None:
     side, _ = join(world)
     heard: list[int] = []
 
@@ -95,7 +98,7 @@ async def test_two_servers_carry_out_each_request_once(world: World) -> None:
     async with side.node("one") as one, side.node("other") as other:
         for node in (one, other):
             await node.create_service(ListParameters, "/ours", on_request)
-        with await ros(world) as far:
+        with await ros(world, distro) as far:
             await until(lambda: far.ask("servers", service="/ours") == 2)
             for depth in range(5):
                 (found,) = await ask(far, "call", service="/ours", type_name=LIST, depth=depth)
@@ -105,33 +108,35 @@ async def test_two_servers_carry_out_each_request_once(world: World) -> None:
 
 
 @pytest.mark.nightly
+@peer.each_distro
 @on_one_loop
-async def test_a_server_of_rclpy_is_killed(world: World) -> None:
+async def test_a_server_of_rclpy_is_killed(world: World, distro: peer.Distro) -> None:
     side, _ = join(world)
     async with side.node("client") as node:
         client = await node.create_client(ListParameters, "/theirs")
-        with await ros(world) as far:
+        with await ros(world, distro) as far:
             await ask(far, "offer", service="/theirs", type_name=LIST, pause_s=100.0)
             await client.wait_for_service()
             calls = begin(client, 100)
             await asyncio.to_thread(far.wait, "/theirs")
             far.kill()
             assert await ends(calls, LEASE_S) == {"ServiceUnavailable": 100}
-        with await ros(world) as far:
+        with await ros(world, distro) as far:
             await ask(far, "offer", service="/theirs", type_name=LIST)
             await client.wait_for_service()
             assert await ends(begin(client, 10), SOON_S) == {"answer": 10}
 
 
 @pytest.mark.nightly
+@peer.each_distro
 @on_one_loop
-async def test_a_client_of_rclpy_is_killed(world: World) -> None:
+async def test_a_client_of_rclpy_is_killed(world: World, distro: peer.Distro) -> None:
     side, bridge = join(world)
     asked, before = Asked(), 0
     async with side.node("server") as node:
         server = await node.create_service(ListParameters, "/ours", on_request=asked.on_request)
         for _ in range(2):
-            with await ros(world) as far:
+            with await ros(world, distro) as far:
                 call = await asked.by(far)
                 far.kill()
                 with pytest.raises(TimeoutError):
@@ -144,12 +149,13 @@ async def test_a_client_of_rclpy_is_killed(world: World) -> None:
 
 
 @pytest.mark.nightly
+@peer.each_distro
 @on_one_loop
-async def test_the_bridge_is_killed(world: World) -> None:
+async def test_the_bridge_is_killed(world: World, distro: peer.Distro) -> None:
     side, bridge = join(world)
     async with side.node("both") as node:
         client = await node.create_client(ListParameters, "/theirs")
-        with await ros(world) as far:
+        with await ros(world, distro) as far:
             await ask(far, "offer", service="/theirs", type_name=LIST, pause_s=0.1)
             asked = Asked()
             server = await node.create_service(ListParameters, "/ours", on_request=asked.on_request)
@@ -168,12 +174,13 @@ async def test_the_bridge_is_killed(world: World) -> None:
 
 
 @pytest.mark.nightly
+@peer.each_distro
 @on_one_loop
-async def test_busd_is_killed(world: World) -> None:
+async def test_busd_is_killed(world: World, distro: peer.Distro) -> None:
     side, _ = join(world)
     async with side.node("both") as node:
         client = await node.create_client(ListParameters, "/theirs")
-        with await ros(world) as far:
+        with await ros(world, distro) as far:
             await ask(far, "offer", service="/theirs", type_name=LIST, pause_s=0.05)
             for answers_meanwhile in (False, True):
                 asked = Asked()
@@ -194,12 +201,13 @@ async def test_busd_is_killed(world: World) -> None:
                 await server.close()
 
 
+@peer.each_distro
 @on_one_loop
-async def test_ctrl_c_ends_open_calls(world: World) -> None:
+async def test_ctrl_c_ends_open_calls(world: World, distro: peer.Distro) -> None:
     side, bridge = join(world)
     async with side.node("client") as node:
         client = await node.create_client(ListParameters, "/theirs")
-        with await ros(world) as far:
+        with await ros(world, distro) as far:
             await ask(far, "offer", service="/theirs", type_name=LIST, pause_s=100.0)
             await client.wait_for_service()
             calls = begin(client, 100)

@@ -25,6 +25,8 @@ FIBONACCI = "test_msgs/action/Fibonacci"
 SHARE = Path(__file__).parents[1] / "differential/share"
 SUCCEEDED, CANCELED = 4, 5
 ListParameters: Any = service_class(LIST)
+CARRIERS = pytest.mark.parametrize("carrier", ["cyclonedds", pytest.param("rtps", marks=pytest.mark.nightly)])
+"""Feedback and status of actions are topics, so they go by the carrier of topics."""
 
 
 async def services_of(far: Peer, *names: str) -> dict[str, list[str]]:
@@ -122,15 +124,16 @@ async def test_the_bus_sets_parameters_of_a_node_of_rclpy(world: World, distro: 
         assert "use_sim_time" in side.bus("param", "list", "/ros_node").out
 
 
+@peer.each_distro
 @on_one_loop
-async def test_rules_forbid_parameters(world: World, tmp_path: Path) -> None:
+async def test_rules_forbid_parameters(world: World, distro: peer.Distro, tmp_path: Path) -> None:
     config = tmp_path / "rules.toml"
     config.write_text('[[bridge.ros2.topics]]\npattern = "/**"\nkind = "parameters"\ndirection = "in"\n')
     side, _ = join(world, "--config", str(config))
     async with side.node("robot") as node:
         await node.declare_parameter("speed", 3)
         await node.create_service(ListParameters, "/ours", answer)
-        with await ros(world, "jazzy") as far:
+        with await ros(world, distro) as far:
             found = await services_of(far, "/ours")
             assert "/robot/set_parameters" not in found
             await until(lambda: side.bus("param", "get", "/ros_node", "use_sim_time").code == 0)
@@ -156,14 +159,21 @@ async def test_each_side_lists_the_services_of_the_other(world: World, distro: p
 
 
 @pytest.fixture
-def test_msgs(monkeypatch: pytest.MonkeyPatch) -> Any:
-    """The type of the actions: the only one that a package of rclpy brings."""
+def test_msgs(distro: peer.Distro, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """The type of the actions: the only one that has a package for rclpy."""
+    if reason := peer.why_no_ros(distro, "test_msgs"):
+        pytest.skip(reason)
     monkeypatch.setenv("BUS_INTERFACE_PATH", str(SHARE))
     return bus_actions.find_action(FIBONACCI)
 
 
+@CARRIERS
+@peer.each_distro
 @on_one_loop
-async def test_rclpy_sends_goals_to_an_action_of_the_bus(world: World, test_msgs: Any) -> None:
+async def test_rclpy_sends_goals_to_an_action_of_the_bus(
+    world: World, distro: peer.Distro, carrier: str, test_msgs: Any
+) -> None:
+    world.carrier = carrier
     side, _ = join(world)
     gate = asyncio.Event()
 
@@ -177,7 +187,7 @@ async def test_rclpy_sends_goals_to_an_action_of_the_bus(world: World, test_msgs
         yield test_msgs.Result(sequence=[*range(goal.request.order)])
 
     async with side.node("robot") as node, bus_actions.ActionServer(node, test_msgs, "/count", execute):
-        with await ros(world, "jazzy") as far:
+        with await ros(world, distro) as far:
             goal = {"action": "/count", "type_name": FIBONACCI}
             status, result, feedbacks = await ask(far, "send_goal", **goal, size=5)
             assert (status, result) == (SUCCEEDED, [0, 1, 2, 3, 4])
@@ -186,10 +196,15 @@ async def test_rclpy_sends_goals_to_an_action_of_the_bus(world: World, test_msgs
             assert status == CANCELED
 
 
+@CARRIERS
+@peer.each_distro
 @on_one_loop
-async def test_the_bus_sends_goals_to_an_action_of_rclpy(world: World, test_msgs: Any) -> None:
+async def test_the_bus_sends_goals_to_an_action_of_rclpy(
+    world: World, distro: peer.Distro, carrier: str, test_msgs: Any
+) -> None:
+    world.carrier = carrier
     side, _ = join(world)
-    with await ros(world, "jazzy") as far:
+    with await ros(world, distro) as far:
         await ask(far, "serve_action", action="/count", type_name=FIBONACCI)
         await ask(far, "serve_action", action="/long", type_name=FIBONACCI, feedbacks=1000, pause_s=0.02)
         async with (
