@@ -1,6 +1,7 @@
 """Services and actions between a bus and ROS 2's rclpy, through `bus bridge ros2`."""
 
 import asyncio
+import signal
 from pathlib import Path
 from typing import Any
 
@@ -223,3 +224,40 @@ async def test_the_bus_sends_goals_to_an_action_of_rclpy(
             await goal.cancel()
             with pytest.raises(bus_actions.GoalCanceled):
                 await goal.result()
+
+
+@peer.each_distro
+@on_one_loop
+async def test_the_verbs_of_bus_reach_a_node_of_rclpy(
+    world: World, distro: peer.Distro, tmp_path: Path, test_msgs: Any
+) -> None:
+    side, _ = join(world)
+    with await ros(world, distro) as far:
+        await ask(far, "offer", service="/theirs", type_name=LIST, result={"names": ["a"]})
+        await ask(far, "serve_action", action="/long", type_name=FIBONACCI, feedbacks=1000, pause_s=0.02)
+        await ask(far, "serve_action", action="/count", type_name=FIBONACCI)
+        await until(lambda: side.bus("service", "info", "/theirs").out.endswith("Services count: 1\n"))
+        assert "names=['a']" in side.bus("service", "call", "/theirs", LIST, "{depth: 3}").out
+        assert far.heard["/theirs"][0]["depth"] == 3
+        await until(lambda: side.bus("action", "list").out == "/count\n/long\n")
+        assert "/ros_node_actions" in side.bus("action", "info", "/count").out
+
+        goal = side.bus("action", "send_goal", "/count", FIBONACCI, "{order: 3}", "--feedback", "--json")
+        assert goal.out.splitlines()[1:] == [
+            '{"feedback":{"sequence":[0]}}',
+            '{"feedback":{"sequence":[1]}}',
+            '{"result":{"sequence":[0,1,2]},"status":"SUCCEEDED"}',
+        ]
+        with side.start("action", "send_goal", "/long", FIBONACCI, "{order: 3}", "--feedback") as sending:
+            sending.line_with("Feedback:")
+            sending.process.send_signal(signal.SIGINT)
+            sending.line_with("Goal canceled.")
+
+        await until(lambda: side.bus("param", "dump", "/ros_node").code == 0)
+        dumped = side.bus("param", "dump", "/ros_node").out
+        assert "use_sim_time: false" in dumped
+        file = tmp_path / "ros_node.yaml"
+        file.write_text("/ros_node: {ros__parameters: {use_sim_time: true}}\n")
+        loaded = side.bus("param", "load", "/ros_node", str(file))
+        assert loaded.out == "Set parameter use_sim_time successful\n"
+        assert side.bus("param", "get", "/ros_node", "use_sim_time").out == "Boolean value is: True\n"
