@@ -26,7 +26,7 @@ from bus_bridge.ros2.calls import NoServer, RequestId, Response
 from bus_bridge.ros2.service_types import ServiceTypes
 from bus_bridge.ros2.turns import TurnsOfServices
 from bus_bridge.rtps.announcements import EndpointData, ParticipantData
-from bus_bridge.rtps.ids import PREFIX_BYTES
+from bus_bridge.rtps.ids import PREFIX_BYTES, is_writer_id
 from bus_bridge.rtps.parameters import RtpsError
 from bus_bridge.rtps.reach import Reach
 from bus_bridge.rtps.reader import Arrived
@@ -165,7 +165,8 @@ class ServiceServer:
         self._open: defaultdict[bytes, dict[RequestId, None]] = defaultdict(dict)
         """Requests without an answer, by GUID of their writer."""
         self._unmatched: dict[bytes, list[Sample]] = {}
-        """Answers for readers that have not been announced yet, by GUID of the reader."""
+        """Answers for readers that have not been announced yet, by GUID of the reader, or of the writer of
+        the request if that named no reader."""
         # The writer of answers first: a client that sees the reader may ask at once.
         self._writer = self._participant.add_writer(topics.replies, topics.response_type, user_data=user_data)
         self._reader = self._participant.add_reader(
@@ -187,11 +188,12 @@ class ServiceServer:
         """Answer a request; returns False if it has an answer, or if its client has gone."""
         if self._is_closed or not self._remove(request):
             return False
-        sample, reader = write_answer(request, cdr), request.reader
-        if reader and reader not in self._writer.matched:
-            self._keep(reader, sample)
-        else:
-            self._write(reader or None, sample)
+        sample, client = write_answer(request, cdr), request.reader or request.writer
+        readers = self._readers_of(client)
+        for reader in readers:
+            self._write(reader, sample)
+        if not readers:
+            self._keep(client, sample)
         return True
 
     def drop(self, request: RequestId) -> None:
@@ -218,8 +220,8 @@ class ServiceServer:
 
     def reader_matched(self, guid: bytes) -> None:
         """A client's reader may be matched now: send the answers that wait for it."""
-        if guid in self._unmatched and guid in self._writer.matched:
-            for sample in self._unmatched.pop(guid):
+        for client in [one for one in self._unmatched if guid in self._readers_of(one)]:
+            for sample in self._unmatched.pop(client):
                 self._write(guid, sample)
 
     def _remove(self, request: RequestId) -> bool:
@@ -232,15 +234,24 @@ class ServiceServer:
             del self._open[request.writer]
         return True
 
-    def _keep(self, reader: bytes, sample: Sample) -> None:
+    def _readers_of(self, client: bytes) -> list[bytes]:
+        """The matched reader with that GUID; for the GUID of a writer, all readers of its participant.
+
+        Readers of other participants may be of another middleware, which can't read the answer.
+        """
+        if is_writer_id(client):
+            return [guid for guid in self._writer.matched if _is_same(guid, client)]
+        return [client] if client in self._writer.matched else []
+
+    def _keep(self, client: bytes, sample: Sample) -> None:
         """Keep an answer until its reader is announced: the announcement may be slower than the request."""
-        kept = self._unmatched.setdefault(reader, [])
+        kept = self._unmatched.setdefault(client, [])
         if len(kept) < _MOST_EARLY:
             kept.append(sample)
         if len(self._unmatched) > _MOST_EARLY:
             del self._unmatched[next(iter(self._unmatched))]
 
-    def _write(self, reader: bytes | None, sample: Sample) -> None:
+    def _write(self, reader: bytes, sample: Sample) -> None:
         self._participant.write(self._writer, sample.payload, inline=sample.inline, to=reader)
 
     def _arrived(self, arrived: Arrived) -> None:
