@@ -255,11 +255,6 @@ class TestMistakes:
                 ["ros2", "--carrier", "cyclonedds"],
                 "the carrier cyclonedds is missing: a bridge to ros2 is faster with cyclonedds: ",
             ),
-            (
-                "nothing",
-                ["ros2", "--carrier", "rtps", "--distro", "humble"],
-                "the distro humble needs cyclonedds as the carrier\n",
-            ),
         ],
     )
     def test_a_missing_extra(self, daemon: Daemon, module: str, words: list[str], said: str) -> None:

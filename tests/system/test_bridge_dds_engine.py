@@ -352,7 +352,6 @@ def info_writer(alone: Alone, size: int, user_data: bytes) -> Iterator[Any]:
     raw.delete(writer)
 
 
-@by_cyclonedds
 async def test_humble_is_understood_and_answered(bridge: Bridge, alone: Alone) -> None:
     guid = alone.participant.guid.bytes
     chatter = alone.writer("/chatter")

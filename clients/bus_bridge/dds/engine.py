@@ -266,7 +266,7 @@ class DdsEngine:
         if self.has_numbers:
             from bus_bridge.dds.rtps_topics import RtpsCarrier
 
-            return RtpsCarrier(self._options.domain, reach, self._mark)
+            return RtpsCarrier(self._options.domain, reach, self._mark, self._options.distro)
         from bus_bridge.dds.cyclone import CycloneCarrier
 
         return CycloneCarrier(self._options, self._mark)

@@ -1,7 +1,7 @@
 """`ros_discovery_info`: the topic on which participants of ROS 2, and the bridge, list their nodes.
 
-Owns: our readers, and the form (of two) that our writer uses. `node_topic` makes the endpoints, and `graph`
-the contents.
+Owns: our readers and our writer. `node_form` decides the form (of two) of the writer, `node_topic` makes the
+endpoints, and `graph` the contents.
 """
 
 import asyncio
@@ -9,7 +9,8 @@ from collections.abc import Callable, Sequence
 from typing import Final
 
 from bus_bridge.dds import raw
-from bus_bridge.dds.graph import GID_SIZE, HUMBLE_GID_SIZE, NodeEntities, decode
+from bus_bridge.dds.graph import NodeEntities, decode
+from bus_bridge.dds.node_form import NodeForm, size_of
 from bus_bridge.dds.node_topic import NodeTopic, NodeWriter
 from bus_bridge.dds.options import Distro
 from bus_bridge.dds.participant import Endpoint, Participant
@@ -41,10 +42,8 @@ class NodeInfo:
         self._topic = NodeTopic(participant, mark)
         self._loop = asyncio.get_running_loop()
         self._on_nodes = on_nodes
-        self._warn = warn
-        self._is_fixed = distro != "auto"
-        size = HUMBLE_GID_SIZE if distro == "humble" else GID_SIZE
-        self._writer = NodeWriter(self._topic, size, nodes)
+        self._form = NodeForm(distro, warn)
+        self._writer = NodeWriter(self._topic, self._form.size, nodes)
         self._readers: dict[int, Endpoint] = {}
         self._writers: dict[int, tuple[bytes, int]] = {}
         """The far participant and the size of its gids, by handle of the writer."""
@@ -56,7 +55,7 @@ class NodeInfo:
         self._probes: list[Endpoint] = []
         self._timer: asyncio.TimerHandle | None = None
         self._is_closed = False
-        self._listen(size)
+        self._listen(self._form.size)
 
     def close(self) -> None:
         """Stop sending and receiving."""
@@ -72,18 +71,11 @@ class NodeInfo:
 
     def writer_added(self, handle: int, participant: bytes, is_humble: bool) -> None:
         """Handle a participant's writer found by discovery."""
-        size = HUMBLE_GID_SIZE if is_humble else GID_SIZE
+        size = size_of(is_humble=is_humble)
         self._writers[handle] = participant, size
         self._listen(size)
-        if not self._is_fixed and size != self._writer.size:
-            sizes = {size for _, size in self._writers.values()}
-            if len(sizes) == 2:
-                self._warn(
-                    "nodes of ROS 2 Humble and of later distros are in this domain: they can't see each "
-                    "other's nodes, and nodes of Humble don't see the nodes of this bus (their topics work)"
-                )
-            if size == GID_SIZE or len(sizes) == 1:
-                self._writer.change(size)
+        if self._form.follow(size, (one for _, one in self._writers.values())):
+            self._writer.change(size)
         self._silent[handle] = _MOST_PROBES
         if (early := self._early.pop(handle, None)) is not None:
             self._receive(handle, early)

@@ -85,8 +85,6 @@ class DdsOptions(msgspec.Struct, frozen=True):
             raise BridgeError(
                 f"the Discovery Server {self.servers[0]} needs --carrier rtps: cyclonedds knows none"
             )
-        if self.distro == "humble" and self.carrier_used == "rtps":
-            raise BridgeError("the distro humble needs cyclonedds as the carrier")
 
 
 def checked_interface(text: str) -> str:

@@ -19,7 +19,7 @@ from bus.vocabulary import DropReason
 from bus_bridge.batch import Batch, Loose, Sample
 from bus_bridge.dds import qos
 from bus_bridge.dds.carrier import Discovered, Listener, NodeTopic, TopicReader, TopicWriter
-from bus_bridge.dds.graph import GID_SIZE, HUMBLE_GID_SIZE, NodeEntities, decode, encode
+from bus_bridge.dds.graph import GID_SIZE, NodeEntities, decode, encode
 from bus_bridge.dds.names import (
     ENCLAVE,
     GRAPH_TOPIC,
@@ -30,6 +30,8 @@ from bus_bridge.dds.names import (
     user_data,
     user_data_of,
 )
+from bus_bridge.dds.node_form import NodeForm, size_of
+from bus_bridge.dds.options import Distro
 from bus_bridge.engine import FarEndpoint, LocalEndpoint, Reader
 from bus_bridge.ros2 import samples
 from bus_bridge.ros2.early import Early
@@ -38,6 +40,7 @@ from bus_bridge.ros2.route_out import RouteOut
 from bus_bridge.ros2.type_names import type_to_dds
 from bus_bridge.rtps.announcements import EndpointData, ParticipantData
 from bus_bridge.rtps.ids import PARTICIPANT, PREFIX_BYTES
+from bus_bridge.rtps.local import Local
 from bus_bridge.rtps.policies import TRANSIENT_LOCAL, Policies
 from bus_bridge.rtps.reach import Reach
 from bus_bridge.rtps.reader import Arrived
@@ -60,6 +63,7 @@ _PATIENCE_S: Final = 10.0
 """Time for which messages of a writer wait for their route. Messages that it keeps for late joiners wait
 longer."""
 _LATCHED: Final = Policies(durability=TRANSIENT_LOCAL)
+_GRAPH_TYPE: Final = type_to_dds("rmw_dds_common/msg/ParticipantEntitiesInfo")
 
 _NumberedArrival = tuple[bytes, int, int]
 """A message in CDR, its number, and its time of publication."""
@@ -71,7 +75,7 @@ class RtpsCarrier:
 
     has_numbers = True
 
-    def __init__(self, domain: int, reach: Reach, mark: dict[str, str]) -> None:
+    def __init__(self, domain: int, reach: Reach, mark: dict[str, str], distro: Distro = "auto") -> None:
         self._mark = mark
         self._loop = asyncio.get_running_loop()
         self._listener: Listener | None = None
@@ -88,7 +92,7 @@ class RtpsCarrier:
         self.participant = RunningParticipant(
             domain, self, _is_wanted, reach=reach, user_data=user_data({ENCLAVE: "/", **mark})
         )
-        self._nodes = _Nodes(self.participant, mark)
+        self._nodes = _Nodes(self.participant, distro, mark)
 
     def open(
         self,
@@ -97,7 +101,7 @@ class RtpsCarrier:
         warn: Callable[[str], None],
     ) -> NodeTopic:
         self._listener, self._warn = listener, warn
-        self._nodes.open(nodes, listener)
+        self._nodes.open(nodes, listener, warn)
         return self._nodes
 
     def say_nodes(self) -> None:
@@ -480,30 +484,30 @@ class _Route:
 class _Nodes:
     """The topic `ros_discovery_info`: our nodes, and the nodes of other participants."""
 
-    def __init__(self, participant: RunningParticipant, mark: dict[str, str]) -> None:
+    def __init__(self, participant: RunningParticipant, distro: Distro, mark: dict[str, str]) -> None:
         self._participant = participant
-        self._data = user_data({"typehash": GRAPH_TYPE_HASH, **mark})
+        self._distro = distro
+        self._mark = mark
         self._sizes: dict[bytes, int] = {}
         """Sizes of gids, by GUID of the far writer."""
         self._due: asyncio.Handle | None = None
         self._said = b""
 
-    def open(self, nodes: Callable[[], Sequence[NodeEntities]], listener: Listener) -> None:
+    def open(
+        self,
+        nodes: Callable[[], Sequence[NodeEntities]],
+        listener: Listener,
+        warn: Callable[[str], None],
+    ) -> None:
         self._nodes, self._listener = nodes, listener
-        type_name = type_to_dds("rmw_dds_common/msg/ParticipantEntitiesInfo")
-        self._writer = self._participant.add_writer(
-            GRAPH_TOPIC,
-            type_name,
-            policies=_LATCHED,
-            user_data=self._data,
-            keeping=Keeping(changes=1, for_late_joiners=True),
-        )
+        self._form = NodeForm(self._distro, warn)
+        self._writer = self._make_writer()
         self._participant.add_reader(
             GRAPH_TOPIC,
-            type_name,
+            _GRAPH_TYPE,
             self._arrived,
             policies=_LATCHED._replace(keep_all=True),
-            user_data=self._data,
+            user_data=self._user_data(GID_SIZE),
         )
 
     def say(self) -> None:
@@ -516,7 +520,9 @@ class _Nodes:
             self._due.cancel()
 
     def writer_added(self, handle: int, participant: bytes, is_humble: bool) -> None:
-        self._sizes[_gid(handle)] = HUMBLE_GID_SIZE if is_humble else GID_SIZE
+        size = self._sizes[_gid(handle)] = size_of(is_humble=is_humble)
+        if self._form.follow(size, self._sizes.values()):
+            self.say()
 
     def writer_removed(self, handle: int) -> None:
         self._sizes.pop(_gid(handle), None)
@@ -524,9 +530,27 @@ class _Nodes:
     def ignore(self, handle: int) -> None:
         """Its messages are ignored anyway: its size is not known."""
 
+    def _make_writer(self) -> Local:
+        self._size = self._form.size
+        return self._participant.add_writer(
+            GRAPH_TOPIC,
+            _GRAPH_TYPE,
+            policies=_LATCHED,
+            user_data=self._user_data(self._size),
+            keeping=Keeping(changes=1, for_late_joiners=True),
+        )
+
+    def _user_data(self, size: int) -> bytes:
+        typehash = {"typehash": GRAPH_TYPE_HASH} if size == GID_SIZE else {}
+        return user_data({**typehash, **self._mark})
+
     def _write(self) -> None:
         self._due = None
-        data = encode(self._participant.prefix + PARTICIPANT, self._nodes())
+        if self._size != self._form.size:
+            self._participant.remove(self._writer)
+            self._writer = self._make_writer()
+            self._said = b""
+        data = encode(self._participant.prefix + PARTICIPANT, self._nodes(), self._size)
         if data != self._said:
             self._participant.write(self._writer, samples.padded(data))
             self._said = data
