@@ -1,14 +1,16 @@
 """`python -m chaos.ros2 --kills 30 --seed 7`: a bus and a node of rclpy, with `bus bridge ros2` in between.
 
-Both sides call services of each other. Meanwhile the bridge, busd and the node of rclpy are killed and come
-back, and the bridge and the node hang. Invariants:
+Both sides call services of each other, and send goals to actions. Meanwhile the bridge, busd and the node of
+rclpy are killed and come back, and the bridge and the node hang. The new node is of another distribution. The
+seed chooses the carrier of topics, and so of feedback. Invariants:
 
-- Each call of the bus ends, with an answer or an error.
-- No server carries out a call twice, in either direction.
-- After the last fault, calls are answered again in both directions: within the lease of a participant.
+- Each call and each goal of the bus ends, with an answer or an error.
+- No server carries out a call or a goal twice, in either direction.
+- After the last fault, both are answered again in both directions: within the lease of a participant.
 """
 
 import asyncio
+import os
 import random
 import signal
 import sys
@@ -17,18 +19,24 @@ from collections import Counter
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from importlib.util import find_spec
-from typing import Any, Final
+from itertools import cycle
+from pathlib import Path
+from typing import Any, Final, get_args
 
 import bus
 from bridged_world import Side, World
 from bus.types.classes import service_class
+from bus_actions import ActionClient, ActionServer, find_action
 from chaos.calls import Calls, Doubled
 from chaos.joined import Broken, play
-from peers.peer import Peer, ros, why_no_ros
+from peers.peer import Distro, Peer, ros, why_no_ros
 
 LIST = "rcl_interfaces/srv/ListParameters"
 ListParameters: Any = service_class(LIST)
-_DISTRO: Final = "jazzy"
+FIBONACCI = "test_msgs/action/Fibonacci"
+"""The action that has a package for rclpy."""
+SHARE = Path(__file__).parents[1] / "differential/share"
+_DISTROS: Final = [one for one in get_args(Distro) if not why_no_ros(one, "test_msgs")]
 _PER_ROUND = 3
 _KINDS = ("bridge", "bridge", "busd", "node", "stop bridge", "stop node")
 _LEASE_S = 30.0
@@ -38,50 +46,56 @@ _CALL_S = 1.0
 
 
 class Far:
-    """The node of rclpy. It offers "/theirs", and calls "/ours" again and again."""
+    """The node of rclpy. It offers "/theirs" and "/their_goals", and calls "/ours" and "/our_goals" again and
+    again."""
 
     def __init__(self, world: World) -> None:
-        self.answered = 0
-        """Calls of "/ours" that were answered."""
+        self.answered: Counter[str] = Counter({"/ours": 0, "/our_goals": 0})
+        """How many calls and goals were answered."""
         self._world = world
-        self._before: Counter[int] = Counter()
+        self._before: dict[str, Counter[int]] = {"/theirs": Counter(), "/their_goals": Counter()}
         self._calls = 0
+        self._distros = cycle(_DISTROS)
         self.peer = self._make()
 
-    @property
-    def heard(self) -> Counter[int]:
-        """How often each call of "/theirs" was carried out."""
-        return self._before + _numbers(self.peer)
+    def heard(self, name: str) -> Counter[int]:
+        """How often each call of "/theirs", or each goal of "/their_goals", was carried out."""
+        return self._before[name] + _numbers(self.peer, name)
 
     def kill(self) -> None:
         self.peer.kill()
 
     def restart(self) -> None:
         self.peer.close()  # has read all that it said
-        self._before += _numbers(self.peer)
+        for name, before in self._before.items():
+            before.update(_numbers(self.peer, name))
         self.peer = self._make()
 
     async def run(self) -> None:
-        """Call "/ours" until cancelled. While the node is away, calls fail."""
+        """Call "/ours" and "/our_goals" until cancelled. While the node is away, calls fail."""
         while True:
             self._calls += 1
-            ask = {"service": "/ours", "type_name": LIST, "depth": self._calls, "time_s": _CALL_S}
+            call = {"service": "/ours", "type_name": LIST, "depth": self._calls}
+            goal = {"action": "/our_goals", "type_name": FIBONACCI, "size": self._calls}
             try:
-                answer = await asyncio.to_thread(self.peer.ask, "call", **ask)
+                answer = await asyncio.to_thread(self.peer.ask, "call", **call, time_s=_CALL_S)
+                self.answered["/ours"] += answer not in ("no server", [None])
+                answer = await asyncio.to_thread(self.peer.ask, "send_goal", **goal, time_s=_CALL_S)
+                self.answered["/our_goals"] += not isinstance(answer, str)
             except (OSError, TimeoutError, ValueError):
                 await asyncio.sleep(0.1)
-                continue
-            if answer != "no server":
-                self.answered += len([one for one in answer if one is not None])
 
     def _make(self) -> Peer:
-        peer = ros(_DISTRO, "ros_node", self._world["robot"].machine, domain=self._world.domain)
+        distro = next(self._distros)
+        peer = ros(distro, "ros_node", self._world["robot"].machine, domain=self._world.domain)
         peer.ask("offer", service="/theirs", type_name=LIST, result={"names": ["a"]})
+        peer.ask("serve_action", action="/their_goals", type_name=FIBONACCI)
         return peer
 
 
-def _numbers(peer: Peer) -> Counter[int]:
-    return Counter(one["depth"] for one in peer.heard["/theirs"])
+def _numbers(peer: Peer, name: str) -> Counter[int]:
+    heard: list[Any] = peer.heard[name]
+    return Counter(one["depth"] if isinstance(one, dict) else one for one in heard)
 
 
 @asynccontextmanager
@@ -100,10 +114,27 @@ async def calls_to(far: Far, node: bus.Node) -> AsyncIterator[Calls]:
         yield calls
 
 
-class Storms:
-    """Faults, and the checks after them."""
+@asynccontextmanager
+async def goals_to(far: Far, node: bus.Node) -> AsyncIterator[Calls]:
+    """Goals of "/their_goals", as `calls_to`. The result of a goal is as long as its number."""
+    fibonacci = find_action(FIBONACCI)
 
-    def __init__(self, side: Side, far: Far, calls: Calls, taken: Counter[int]) -> None:
+    async def ask(number: int) -> int:
+        goal = await asking.send_goal(fibonacci.Goal(order=number))
+        return len((await goal.result()).sequence)
+
+    async with ActionClient(node, fibonacci, "/their_goals") as asking:
+        await asking.wait_for_server()
+        goals = Calls("goals of the bus", ask)
+        goals.soon_s = _LEASE_S
+        async with goals.running():
+            yield goals
+
+
+class Storms:
+    """Faults, and the checks after them. `calls`: those of the bus, by name; `taken`: those of ROS 2 here."""
+
+    def __init__(self, side: Side, far: Far, calls: dict[str, Calls], taken: dict[str, Counter[int]]) -> None:
         self._side = side
         self._far = far
         self._calls = calls
@@ -117,20 +148,22 @@ class Storms:
             await self._do(kind, time_s)
             self.done[kind] += 1
         self._mind()
-        began_s, answered = time.monotonic(), self._far.answered
+        began_s, answered = time.monotonic(), self._far.answered.copy()
         try:
-            await self._calls.flows()
-            while self._far.answered == answered:
+            await asyncio.gather(*(calls.flows() for calls in self._calls.values()))
+            while waiting := [name for name, count in self._far.answered.items() if count == answered[name]]:
                 if time.monotonic() - began_s > _LEASE_S:
-                    raise Broken("no call of ROS 2 is answered any more")
+                    raise Broken(f"no call of ROS 2 is answered any more: {waiting}")
                 await asyncio.sleep(0.05)
             self.longest_s = max(self.longest_s, time.monotonic() - began_s)
-            self._calls.done = self._far.heard
-            await self._calls.settle()
+            for name, calls in self._calls.items():
+                calls.done = self._far.heard(name)
+                await calls.settle()
         except (AssertionError, Doubled) as error:
             raise Broken(str(error)) from None
-        if twice := [number for number, count in self._taken.items() if count > 1]:
-            raise Broken(f"calls of ROS 2 that were carried out twice: {twice[:10]}")
+        for name, taken in self._taken.items():
+            if twice := [number for number, count in taken.items() if count > 1]:
+                raise Broken(f"calls of ROS 2 on {name} that were carried out twice: {twice[:10]}")
 
     async def _do(self, kind: str, away_s: float) -> None:
         bridge = self._side.bridges[0]
@@ -156,21 +189,28 @@ class Storms:
 
 async def storm(world: World, kills: int, chance: random.Random) -> None:
     """Make faults until there were `kills`. Raises Broken."""
-    side = world["robot"]
-    side.bridge("ros2", "--domain-id", str(world.domain))
-    taken: Counter[int] = Counter()
+    side, fibonacci = world["robot"], find_action(FIBONACCI)
+    carrier = chance.choice(["cyclonedds", "rtps"] if find_spec("cyclonedds") else ["rtps"])
+    print(f"carrier {carrier}, distributions {', '.join(_DISTROS)}")
+    side.bridge("ros2", "--domain-id", str(world.domain), "--carrier", carrier)
+    taken: dict[str, Counter[int]] = {"/ours": Counter(), "/our_goals": Counter()}
 
     def answer(request: Any) -> Any:
-        taken[request.depth] += 1
+        taken["/ours"][request.depth] += 1
         return ListParameters.Response()
 
+    async def execute(goal: Any) -> AsyncIterator[Any]:
+        taken["/our_goals"][goal.request.order] += 1
+        yield fibonacci.Feedback(sequence=[1])
+        yield fibonacci.Result(sequence=[goal.request.order])
+
     far = Far(world)
-    async with side.node("robot") as node:
+    async with side.node("robot") as node, ActionServer(node, fibonacci, "/our_goals", execute):
         await node.create_service(ListParameters, "/ours", answer)
         task = asyncio.create_task(far.run())
         try:
-            async with calls_to(far, node) as calls:
-                storms = Storms(side, far, calls, taken)
+            async with calls_to(far, node) as calls, goals_to(far, node) as goals:
+                storms = Storms(side, far, {"/theirs": calls, "/their_goals": goals}, taken)
                 while sum(storms.done.values()) < kills:
                     kinds = chance.choices(_KINDS, k=_PER_ROUND)
                     away_s = [chance.uniform(0.0, 1.5) for _ in kinds]
@@ -180,8 +220,10 @@ async def storm(world: World, kills: int, chance: random.Random) -> None:
                     await storms.round(kinds, away_s)
                 print(f"faults: {dict(storms.done)}")
                 print(f"until both sides had answers: {storms.longest_s:.1f} s at most")
-                print(f"{calls}; carried out there {sum(far.heard.values())}")
-                print(f"calls of ROS 2: {far.answered} answered, carried out here {sum(taken.values())}")
+                print(f"{calls}; carried out there {far.heard('/theirs').total()}")
+                print(f"{goals}; carried out there {far.heard('/their_goals').total()}")
+                for name, numbers in taken.items():
+                    print(f"ROS 2, {name}: {far.answered[name]} answered, carried out {numbers.total()}")
         finally:
             task.cancel()
             far.kill()
@@ -190,7 +232,8 @@ async def storm(world: World, kills: int, chance: random.Random) -> None:
 
 
 def main() -> int:
-    why_not = why_no_ros(_DISTRO) or ("" if find_spec("cyclonedds") else "cyclonedds is not installed")
+    why_not = "" if _DISTROS else why_no_ros("jazzy", "test_msgs")
+    os.environ["BUS_INTERFACE_PATH"] = str(SHARE)
     return play("chaos.ros2", __doc__, 30, why_not, ("robot",), storm)
 
 

@@ -177,10 +177,14 @@ class Peer:
         return [as_values(future.result()) if future.done() else None for future in futures]
 
     def serve_action(self, action: str, type_name: str, feedbacks: int = 2, pause_s: float = 0.0) -> None:
-        """Make an action server for Fibonacci, in a separate node: feedbacks with pauses, then the result."""
+        """Make an action server for Fibonacci, in a separate node: feedbacks with pauses, then the result.
+
+        It tells the order of each goal.
+        """
         cls = class_of(type_name)
 
         def execute(goal: Any) -> Any:
+            tell(heard=action, message=goal.request.order)
             for number in range(feedbacks):
                 if goal.is_cancel_requested:
                     goal.canceled()
