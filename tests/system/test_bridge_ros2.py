@@ -173,6 +173,26 @@ async def test_string_twist_and_image_cross_both_ways(world: World, distro: peer
 @pytest.mark.nightly
 @pytest.mark.parametrize("distro", ["jazzy", "kilted"])
 @on_one_loop
+async def test_no_large_image_is_lost(world: World, distro: peer.Distro) -> None:
+    """The socket of a node of ROS 2 has the kernel's default buffer, which is smaller than an image."""
+    side, bridge = join(world)
+    with node_of(world, distro) as ros:
+        async with side.node("busd_node") as node:
+            await ask(ros, "listen", topic="/image", type_name="sensor_msgs/msg/Image", depth=30)
+            publisher = await node.create_publisher(Image, "/image", 30)
+            await publisher.wait_for_subscriptions()
+            await until(lambda: bridge.route("/image", "out")["is_flowing"])
+            data = bytes(900_000)
+            for number in range(90):
+                publisher.publish(Image(width=number, data=data))
+                await asyncio.sleep(1 / 30)
+            heard = await asyncio.to_thread(ros.wait, "/image", 90)
+            assert [one["width"] for one in heard] == [*range(90)]
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("distro", ["jazzy", "kilted"])
+@on_one_loop
 async def test_late_joiners_get_what_is_kept_both_ways(world: World, distro: peer.Distro) -> None:
     side, _ = join(world)
     with node_of(world, distro) as ros:

@@ -38,6 +38,11 @@ _SETTINGS: Final = (
 )
 
 
+_ON_LOOPBACK: Final = "<MaxMessageSize>65500 B</MaxMessageSize><FragmentSize>60000 B</FragmentSize>"
+"""Packets of loopback are long. With Cyclone's default, 1,344 bytes, the kernel's buffer of a receiver holds
+the fewer bytes of a long message, because each packet takes memory of its own."""
+
+
 def configuration(options: DdsOptions, user_uri: str = "") -> str:
     """Cyclone's configuration. The user's CYCLONEDDS_URI takes precedence, and replaces the network part.
 
@@ -45,8 +50,9 @@ def configuration(options: DdsOptions, user_uri: str = "") -> str:
     """
     if user_uri:
         return f"<CycloneDDS><Domain>{_COMPATIBILITY}</Domain></CycloneDDS>,{user_uri}"
-    peers = list(options.peers)
+    peers, sizes = list(options.peers), ""
     if options.is_local:
+        sizes = _ON_LOOPBACK
         address = options.interface if ":" in options.interface else LOOPBACK
         interface = f"<NetworkInterface address='{address}' multicast='false'/>"
         peers.append(address)
@@ -63,7 +69,7 @@ def configuration(options: DdsOptions, user_uri: str = "") -> str:
         # Participants with different tags ignore each other.
         discovery = f"<ParticipantIndex>none</ParticipantIndex><Tag>busd_{token_hex(8)}</Tag>"
     return (
-        f"<CycloneDDS><Domain><General><Interfaces>{interface}</Interfaces></General>"
+        f"<CycloneDDS><Domain><General><Interfaces>{interface}</Interfaces>{sizes}</General>"
         f"<Discovery>{discovery}</Discovery>"
         f"{_SETTINGS}</Domain></CycloneDDS>,<CycloneDDS><Domain>{_COMPATIBILITY}</Domain></CycloneDDS>"
     )

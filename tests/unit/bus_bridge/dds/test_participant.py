@@ -30,6 +30,7 @@ def test_range(interface: str, discovery: DiscoveryRange, multicast: str | None,
     (found,) = tree.iter("NetworkInterface")
     assert found.get("multicast") == multicast
     assert [one.get("address") for one in tree.iter("Peer")] == peers
+    assert [one.text for one in tree.iter("FragmentSize")] == ([] if interface else ["60000 B"])
     tags = [one.text for one in tree.iter("Tag")]
     assert len(tags) == (discovery == "OFF")
     assert all(re.fullmatch("busd_[0-9a-f]{16}", tag or "") for tag in tags)
