@@ -1,11 +1,11 @@
-/* The C side of tests/system/test_c_client_callbacks.py: callbacks that destroy, create and close; bad names. One process is both
- * ends. Prints what has happened; the sanitizers report the rest.
+/* The C side of tests/system/test_c_client_callbacks.py: callbacks that destroy, create and close; bad names. One
+ * process is both ends. Prints what has happened; the sanitizers report the rest.
  *
  *     callbacks own|wait|idle|calls|many|node|close|late|kept|fork|create|names|slots|ping     runs to its end
  *     callbacks away                               waits for busd's end; a forked child has the socket, too
  *     callbacks again                              creates a publisher when it is connected again
  *     callbacks phantom                            waits for room of a publisher until it is killed
- *     callbacks reply|call                         wait for SIGUSR1 after busd's end, and find it with a reply or a call
+ *     callbacks reply|call                         wait for SIGUSR1 after busd's end, and find it by a reply or call
  */
 #include <signal.h>
 #include <stdio.h>

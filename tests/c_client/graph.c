@@ -70,8 +70,8 @@ static void print_statistics(const busd_graph_statistics *s)
            s->expected, s->dropped);
     for (size_t i = 0; i < s->drop_count; i++)
         printf("%s\"%s\": %" PRIu64, i == 0 ? "" : ", ", s->drops[i].reason, s->drops[i].count);
-    printf("}, %" PRId64 ", %" PRIu64 ", %" PRIu64 ", %" PRIu64 ", %" PRIu64 ", [", s->at_ns, s->age_count, s->age_sum_ns,
-           s->age_max_ns, s->most_missed);
+    printf("}, %" PRId64 ", %" PRIu64 ", %" PRIu64 ", %" PRIu64 ", %" PRIu64 ", [", s->at_ns, s->age_count,
+           s->age_sum_ns, s->age_max_ns, s->most_missed);
     for (size_t i = 0; i < s->age_part_count; i++)
         printf("%s%" PRIu64, i == 0 ? "" : ", ", s->age_parts[i]);
     printf("]]");
@@ -86,9 +86,9 @@ static void print_endpoints(const char *name, busd_endpoint_list list)
                one->topic, one->type_name, one->type_hash);
         for (size_t byte = 0; byte < sizeof one->gid; byte++)
             printf("%02x", one->gid[byte]);
-        printf("\", [%" PRIu32 ", %d, %d, %d, %d, %" PRId64 ", %" PRId64 ", %" PRId64 "]", one->qos.depth, one->qos.history,
-               one->qos.reliability, one->qos.durability, one->qos.liveliness, one->qos.deadline_ns, one->qos.lifespan_ns,
-               one->qos.lease_ns);
+        printf("\", [%" PRIu32 ", %d, %d, %d, %d, %" PRId64 ", %" PRId64 ", %" PRId64 "]", one->qos.depth,
+               one->qos.history, one->qos.reliability, one->qos.durability, one->qos.liveliness, one->qos.deadline_ns,
+               one->qos.lifespan_ns, one->qos.lease_ns);
         if (one->statistics != NULL)
             print_statistics(one->statistics);
         printf("]");
@@ -106,7 +106,8 @@ static void print_graph(const busd_graph *graph)
     printf(", \"matches\": [");
     for (size_t i = 0; i < graph->matches.count; i++) {
         const busd_graph_match *match = graph->matches.items[i];
-        printf("%s[%" PRIu64 ", %" PRIu64 ", \"%s\"]", i == 0 ? "" : ", ", match->publisher, match->subscription, match->route);
+        printf("%s[%" PRIu64 ", %" PRIu64 ", \"%s\"]", i == 0 ? "" : ", ", match->publisher, match->subscription,
+               match->route);
     }
     printf("], \"topics\": {");
     for (size_t i = 0; i < graph->topic_count; i++) {
@@ -215,7 +216,8 @@ static void story(void)
     printf("calls %d and %d\n", calls_of_one, calls_of_other);
     printf("kept %zu nodes\n", kept->nodes.count);
     busd_close(bus);
-    printf("topic %d, service %d\n", busd_graph_find_topic(kept, "/none") != NULL, busd_graph_find_service(kept, "/none") != NULL);
+    printf("topic %d, service %d\n", busd_graph_find_topic(kept, "/none") != NULL,
+           busd_graph_find_service(kept, "/none") != NULL);
     busd_graph_free(kept);
 }
 

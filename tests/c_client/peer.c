@@ -4,9 +4,9 @@
  *     peer listen TOPIC [option ...]         prints "NUMBER SIZE ROUTE" of each message
  *     peer relay IN OUT [option ...]         publishes on OUT what comes on IN
  *
- * Options: keep_all, best_effort, latched, best_available, watch (the graph), create (a publisher, in the event of a lost
- * route), depth=N, size=N, wait=N, pause_ms=N, hold=N, late=N (with hold: takes nothing before N messages are expected),
- * deadline_ms=N. At its end (SIGTERM) it prints its statistics as JSON.
+ * Options: keep_all, best_effort, latched, best_available, watch (the graph), create (a publisher, in the event of a
+ * lost route), depth=N, size=N, wait=N, pause_ms=N, hold=N, late=N (with hold: takes nothing before N messages are
+ * expected), deadline_ms=N. At its end (SIGTERM) it prints its statistics as JSON.
  */
 #include <inttypes.h>
 #include <signal.h>
@@ -94,7 +94,8 @@ static void take_options(char **words)
 static void print_stats(const char *what, const busd_stats *s)
 {
     printf("%s {\"samples\": %" PRIu64 ", \"bytes\": %" PRIu64 ", \"replaced\": %" PRIu64 ", \"expired\": %" PRIu64
-           ", \"lost\": %" PRIu64 ", \"expected\": %" PRIu64 ", \"queued\": %" PRIu64 ", \"matches\": %u, \"by_ring\": %u, \"missed\": %" PRIu64 "}\n",
+           ", \"lost\": %" PRIu64 ", \"expected\": %" PRIu64 ", \"queued\": %" PRIu64
+           ", \"matches\": %u, \"by_ring\": %u, \"missed\": %" PRIu64 "}\n",
            what, s->samples, s->bytes, s->replaced, s->expired, s->lost, s->expected, s->queued, s->matches, s->by_ring,
            s->missed_deadlines);
     fflush(stdout);

@@ -1,6 +1,7 @@
 /* The C side of tests/system/test_c_client_services.py.
  *
- *     service serve NAME      adds; fails for a negative `a`, for -2 with bytes that are not UTF-8; replies to `a` 1000 only with the next request
+ *     service serve NAME      adds; fails for a negative `a`, for -2 with bytes that are not UTF-8; replies to `a` 1000
+ *                             only with the next request
  *     service call NAME A...  calls with each A and b = 1, one after the other, and prints the answers
  *     service away NAME       calls while busd is away
  */
@@ -78,8 +79,8 @@ static void hear(void *user, int status, const char *error, const busd_message *
 
 static void print_stats(const busd_service_stats *s)
 {
-    printf("requests %" PRIu64 " responses %" PRIu64 " errors %" PRIu64 " late %" PRIu64 " open %u matches %u\n", s->requests,
-           s->responses, s->errors, s->late, s->open, s->matches);
+    printf("requests %" PRIu64 " responses %" PRIu64 " errors %" PRIu64 " late %" PRIu64 " open %u matches %u\n",
+           s->requests, s->responses, s->errors, s->late, s->open, s->matches);
     fflush(stdout);
 }
 
@@ -144,7 +145,8 @@ int main(int argc, char **argv)
         status = busd_client_create(node, argv[2], type, NULL, &client);
         printf("ready\n");
         fflush(stdout);
-        if (status == 0 && busd_client_servers(client) == 0 && busd_client_call(client, "", 0, hear, NULL) == -EHOSTUNREACH)
+        if (status == 0 && busd_client_servers(client) == 0
+            && busd_client_call(client, "", 0, hear, NULL) == -EHOSTUNREACH)
             printf("%s\n", busd_error(bus));
         fflush(stdout);
         if (status == 0)

@@ -34,7 +34,8 @@ static int listen_to(busd_bus *bus, const char *topic)
     busd_subscription *subscription;
     if (busd_node_create(bus, "c_listener", NULL, &node) < 0)
         return -1;
-    if (busd_subscription_create(node, topic, &std_msgs__msg__String__type, &BUSD_QOS_DEFAULT, hear, NULL, &subscription) < 0)
+    if (busd_subscription_create(node, topic, &std_msgs__msg__String__type, &BUSD_QOS_DEFAULT, hear, NULL,
+                                 &subscription) < 0)
         return -1;
     while (!has_ended)
         if (busd_wait(bus, -1) < 0)

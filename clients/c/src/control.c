@@ -30,7 +30,8 @@ static int take_hello(struct message *m)
     if (bus->is_open)
         return fail(bus, EPROTO, "busd sent Hello a second time");
     if (version != 1)
-        return fail(bus, EPROTO, "busd speaks protocol version %llu, this library speaks 1", (unsigned long long)version);
+        return fail(bus, EPROTO, "busd speaks protocol version %llu, this library speaks 1",
+                    (unsigned long long)version);
     const uint64_t pid = busd_find_number(m->body, "pid", 0), began_ns = busd_find_number(m->body, "began_ns", 0);
     bus->is_open = true;
     bus->is_new_busd = pid != bus->busd_pid || began_ns != bus->busd_began_ns;
@@ -158,24 +159,24 @@ static int take_incompatible(struct message *m)
     const struct endpoint *end = m->publisher != NULL      ? &m->publisher->end
                                  : m->subscription != NULL ? &m->subscription->end
                                                            : NULL;
-    tell(m->bus, BUSD_INCOMPATIBLE, end, "%s does not match node %.*s: %.*s: %.*s", end == NULL ? "an endpoint" : end->topic,
-         node_size, node, policy_size, policy, n, text);
+    tell(m->bus, BUSD_INCOMPATIBLE, end, "%s does not match node %.*s: %.*s: %.*s",
+         end == NULL ? "an endpoint" : end->topic, node_size, node, policy_size, policy, n, text);
     return 0;
 }
 
 static int take_liveliness(struct message *m)
 {
     if (m->subscription != NULL)
-        tell(m->bus, BUSD_LIVELINESS_CHANGED, &m->subscription->end, "a publisher of %s is %s", m->subscription->end.topic,
-             busd_find_number(m->body, "alive", 0) ? "alive" : "not alive");
+        tell(m->bus, BUSD_LIVELINESS_CHANGED, &m->subscription->end, "a publisher of %s is %s",
+             m->subscription->end.topic, busd_find_number(m->body, "alive", 0) ? "alive" : "not alive");
     return 0;
 }
 
 static int take_liveliness_lost(struct message *m)
 {
     if (m->publisher != NULL)
-        tell(m->bus, BUSD_LIVELINESS_LOST, &m->publisher->end, "the publisher of %s gave no sign of life within its lease",
-             m->publisher->end.topic);
+        tell(m->bus, BUSD_LIVELINESS_LOST, &m->publisher->end,
+             "the publisher of %s gave no sign of life within its lease", m->publisher->end.topic);
     return 0;
 }
 
@@ -186,8 +187,8 @@ static int take_namesake(struct message *m)
 {
     int n;
     const char *program = text_of(m->body, "program", &n);
-    tell(m->bus, BUSD_NAMESAKE, NULL, "another node has the name of a node of this process: program %.*s, process %llu", n,
-         program, (unsigned long long)busd_find_number(m->body, "pid", 0));
+    tell(m->bus, BUSD_NAMESAKE, NULL, "another node has the name of a node of this process: program %.*s, process %llu",
+         n, program, (unsigned long long)busd_find_number(m->body, "pid", 0));
     return 0;
 }
 
@@ -222,7 +223,8 @@ static const struct handler {
 static void find_endpoint(struct message *m, const struct handler *handler)
 {
     const uint64_t publisher = handler->publisher == NULL ? 0 : busd_find_number(m->body, handler->publisher, 0);
-    const uint64_t subscription = handler->subscription == NULL ? 0 : busd_find_number(m->body, handler->subscription, 0);
+    const uint64_t subscription =
+        handler->subscription == NULL ? 0 : busd_find_number(m->body, handler->subscription, 0);
     for (busd_publisher *p = m->bus->publishers; p != NULL && publisher != 0; p = p->next)
         if (p->end.state == DECLARED && p->end.id == publisher)
             m->publisher = p;

@@ -210,7 +210,7 @@ int declare_endpoint(struct endpoint *end)
         known += source_position(source) != 0 && known < MOST_LAST_SEQS;
     declare_type(end);
     const bool has_ring = p != NULL && p->fd >= 0;
-    const bool takes_history = s != NULL && end->qos.durability == BUSD_BEST_AVAILABLE; /* beside the durability volatile */
+    const bool takes_history = s != NULL && end->qos.durability == BUSD_BEST_AVAILABLE; /* beside volatile durability */
     control_begin(&out, p != NULL ? "pub+" : "sub+", p != NULL ? 8 + has_ring : 7 + (known != 0) + takes_history);
     end->request = ++bus->requests;
     end->state = ASKED;
@@ -382,8 +382,8 @@ static int endpoint_begin(struct endpoint *end, busd_node *node, const char *top
                           const busd_qos *qos, bool is_publisher)
 {
     static const busd_qos usual = {.depth = 10};
-    *end = (struct endpoint){.node = node, .topic = topic_name(node, topic), .type = *type, .qos = qos == NULL ? usual : *qos,
-                             .is_publisher = is_publisher};
+    *end = (struct endpoint){.node = node, .topic = topic_name(node, topic), .type = *type,
+                             .qos = qos == NULL ? usual : *qos, .is_publisher = is_publisher};
     end->is_lossless = end->qos.history == BUSD_KEEP_ALL && end->qos.reliability == BUSD_RELIABLE;
     if (end->qos.history == BUSD_KEEP_ALL)
         end->qos.depth = sizes_max(end->qos.depth, 1);

@@ -119,7 +119,9 @@ int control_send(busd_bus *bus, busd_out *out, const int *fds, unsigned fd_count
     }
     if (status < 0) {
         frame_free(frame);
-        return fail(bus, -status, "%s", status == -ENOTCONN ? "busd is away" : status == -EMFILE ? "no descriptors are left" : "no memory");
+        return fail(bus, -status, "%s", status == -ENOTCONN ? "busd is away"
+                                        : status == -EMFILE ? "no descriptors are left"
+                                                            : "no memory");
     }
     const uint32_t length = (uint32_t)frame->size - 4;
     memcpy(frame->bytes, &length, 4);
@@ -128,7 +130,8 @@ int control_send(busd_bus *bus, busd_out *out, const int *fds, unsigned fd_count
     return 0;
 }
 
-/* Sends a control message of numbers only. If it can't be sent, the connection is gone, and a new one makes it needless. */
+/* Sends a control message of numbers only. If it can't be sent, the connection is gone, and a new one makes it
+ * needless. */
 void control_simple(busd_bus *bus, const char *tag, unsigned count, const char *const *keys, const uint64_t *numbers)
 {
     busd_out out;

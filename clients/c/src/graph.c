@@ -1,8 +1,8 @@
 /* A mirror of busd's graph, and the watches that get snapshots of it.
  *
- * While there is a watch, busd sends a GraphSnapshot and then each GraphChanged. They change the mirror. The watches get
- * a snapshot of it from the timer GRAPH, so never inside of a call that waits for busd. After it they rest for a multiple
- * of the time that it took: a large graph with many changes costs little.
+ * While there is a watch, busd sends a GraphSnapshot and then each GraphChanged. They change the mirror. The watches
+ * get a snapshot of it from the timer GRAPH, so never inside of a call that waits for busd. After it they rest for a
+ * multiple of the time that it took: a large graph with many changes costs little.
  */
 #include <stdlib.h>
 

@@ -230,7 +230,10 @@ static busd_qos take_qos(busd_in map)
     };
 }
 
-static int malformed(busd_bus *bus, const char *what) { return fail(bus, EPROTO, "busd sent a %s that can't be read", what); }
+static int malformed(busd_bus *bus, const char *what)
+{
+    return fail(bus, EPROTO, "busd sent a %s that can't be read", what);
+}
 
 static int take_node(busd_bus *bus, struct mirror *mirror, busd_in map)
 {
@@ -274,11 +277,11 @@ static int take_endpoint(busd_bus *bus, struct mirror *mirror, busd_in map)
     size_t gid_size;
     char *at;
     const unsigned char *gid = busd_find_bytes(map, "gid", &gid_size);
-    if (!find_text(map, "topic", &topic) || !find_text(map, "type_name", &type_name) || !find_text(map, "type_hash", &type_hash)
-        || !busd_find(map, "qos", &qos) || gid_size != 16)
+    if (!find_text(map, "topic", &topic) || !find_text(map, "type_name", &type_name)
+        || !find_text(map, "type_hash", &type_hash) || !busd_find(map, "qos", &qos) || gid_size != 16)
         return malformed(bus, "publisher or subscription");
-    const bool has_statistics = busd_find(map, "statistics", &statistics) && (look = statistics, busd_get_item(&look, &head))
-                                && head.kind == BUSD_MAP;
+    const bool has_statistics = busd_find(map, "statistics", &statistics)
+                                && (look = statistics, busd_get_item(&look, &head)) && head.kind == BUSD_MAP;
     if (has_statistics && !count_parts(statistics, &parts))
         return malformed(bus, "statistics");
     const enum records_kind kind = busd_find_is(map, "kind", "publisher")      ? PUBLISHERS
@@ -290,7 +293,8 @@ static int take_endpoint(busd_bus *bus, struct mirror *mirror, busd_in map)
     const uint64_t owner[3] = {busd_find_number(map, "node", 0)};
     struct record **found = records_find(&mirror->of[NODES], owner);
     if (found == NULL || *found == NULL)
-        return fail(bus, EPROTO, "busd sent an endpoint of node %llu, which it never named", (unsigned long long)owner[0]);
+        return fail(bus, EPROTO, "busd sent an endpoint of node %llu, which it never named",
+                    (unsigned long long)owner[0]);
     const size_t size = sizeof(busd_graph_endpoint) + (has_statistics ? parts_size(&parts) : 0);
     const size_t texts = topic.size + type_name.size + type_hash.size + 3 + parts.reason_bytes;
     struct record *record = record_new(size, texts, &at);

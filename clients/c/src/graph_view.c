@@ -44,7 +44,8 @@ static int by_text(const void *a, const void *b) { return strcmp(*(const char *c
 /* --- lists */
 
 /* The records of a table, in order. They get one more user. */
-static const void *const *list_of(busd_arena *arena, const struct records *table, int (*order)(const void *, const void *))
+static const void *const *list_of(busd_arena *arena, const struct records *table,
+                                  int (*order)(const void *, const void *))
 {
     const void **items = busd_arena_take(arena, table->count, sizeof *items);
     size_t count = 0;
@@ -84,7 +85,8 @@ static busd_name_list types_of(busd_arena *arena, busd_endpoint_list publishers,
     const size_t count = publishers.count + subscriptions.count;
     const char **names = busd_arena_take(arena, count, sizeof *names);
     for (size_t i = 0; i < count && names != NULL; i++)
-        names[i] = i < publishers.count ? publishers.items[i]->type_name : subscriptions.items[i - publishers.count]->type_name;
+        names[i] = i < publishers.count ? publishers.items[i]->type_name
+                                        : subscriptions.items[i - publishers.count]->type_name;
     return names_of(names, count);
 }
 
@@ -200,7 +202,8 @@ const busd_graph *graph_view(const struct mirror *mirror)
     busd_graph *graph = &view->graph;
     const void *const *lists[RECORDS];
     for (int kind = 0; kind < RECORDS; kind++)
-        lists[kind] = list_of(arena, &mirror->of[kind], kind == NODES ? by_full_name : kind == MATCHES ? by_ends : by_topic);
+        lists[kind] =
+            list_of(arena, &mirror->of[kind], kind == NODES ? by_full_name : kind == MATCHES ? by_ends : by_topic);
     if (arena->failed) {
         busd_arena_free(arena);
         free(view);
@@ -213,7 +216,8 @@ const busd_graph *graph_view(const struct mirror *mirror)
     graph->revision = mirror->revision;
     graph->busd_pid = mirror->busd_pid;
     graph->nodes = (busd_node_list){(const busd_graph_node *const *)lists[NODES], mirror->of[NODES].count};
-    graph->publishers = (busd_endpoint_list){(const busd_graph_endpoint *const *)lists[PUBLISHERS], mirror->of[PUBLISHERS].count};
+    graph->publishers =
+        (busd_endpoint_list){(const busd_graph_endpoint *const *)lists[PUBLISHERS], mirror->of[PUBLISHERS].count};
     graph->subscriptions =
         (busd_endpoint_list){(const busd_graph_endpoint *const *)lists[SUBSCRIPTIONS], mirror->of[SUBSCRIPTIONS].count};
     graph->taps = (busd_endpoint_list){(const busd_graph_endpoint *const *)lists[TAPS], mirror->of[TAPS].count};
@@ -252,7 +256,10 @@ void busd_graph_free(const busd_graph *graph)
 
 /* --- look-ups */
 
-static int by_topic_name(const void *name, const void *topic) { return strcmp(name, ((const busd_graph_topic *)topic)->name); }
+static int by_topic_name(const void *name, const void *topic)
+{
+    return strcmp(name, ((const busd_graph_topic *)topic)->name);
+}
 
 static int by_service_name(const void *name, const void *service)
 {
@@ -261,8 +268,9 @@ static int by_service_name(const void *name, const void *service)
 
 const busd_graph_topic *busd_graph_find_topic(const busd_graph *graph, const char *name)
 {
-    return graph->topic_count == 0 ? NULL
-                                   : bsearch(name, graph->topics, graph->topic_count, sizeof *graph->topics, by_topic_name);
+    return graph->topic_count == 0
+               ? NULL
+               : bsearch(name, graph->topics, graph->topic_count, sizeof *graph->topics, by_topic_name);
 }
 
 const busd_graph_service *busd_graph_find_service(const busd_graph *graph, const char *name)

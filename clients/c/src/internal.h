@@ -215,7 +215,7 @@ struct source {
     uint64_t clock_ns;             /* lead of the publisher's clock over ours, modulo 2^64 */
     uint64_t before;               /* its number at this busd before it returned; 0: none */
     uint64_t last_seq;             /* received */
-    uint64_t routed_seq;           /* after its end: up to here, busd still delivers the samples, or reports their drops */
+    uint64_t routed_seq;           /* after its end: up to here, busd still delivers samples, or reports their drops */
     uint64_t missed_seq;           /* missing samples up to here are counted */
     uint64_t taken_seq, acked_seq; /* by socket */
     uint64_t unacked_bytes;
@@ -263,7 +263,7 @@ struct busd_subscription {
     uint64_t dropped_by_busd[REASONS];
     /* reports.c, by socket from this busd */
     uint64_t skipped, perhaps_skipped;   /* missing numbers: busd has dropped them; perhaps */
-    uint64_t ahead;                      /* drops that an earlier connection has reported, and whose numbers will be missing */
+    uint64_t ahead;                      /* drops reported on an earlier connection, whose numbers will be missing */
     uint64_t unexplained;                /* of `skipped` on the last connection, without a report */
     uint64_t told[REASONS];              /* drops that this busd has reported on earlier connections */
     uint64_t explained[REASONS];         /* drops without a report, whose numbers will be missing */

@@ -107,8 +107,8 @@ static void tell_matched(busd_publisher *p, struct match *m, const char *place)
     tell(p->end.node->bus, BUSD_MATCHED, &p->end, "%s has a subscription %s", p->end.topic, place);
 }
 
-/* Forgets matches that are over, once nothing of them is pinned or their process has ended. Then tells that they are over:
- * that may change the matches. */
+/* Forgets matches that are over, once nothing of them is pinned or their process has ended. Then tells that they are
+ * over: that may change the matches. */
 void matches_sweep(busd_publisher *p)
 {
     busd_bus *bus = p->end.node->bus;

@@ -12,7 +12,12 @@ static const char *bad_byte(const char *text)
     while (*at != 0) {
         const char *begin = (const char *)at;
         const unsigned first = *at++;
-        const int more = first < 0x80 ? 0 : first < 0xc2 ? -1 : first < 0xe0 ? 1 : first < 0xf0 ? 2 : first < 0xf5 ? 3 : -1;
+        const int more = first < 0x80   ? 0
+                         : first < 0xc2 ? -1
+                         : first < 0xe0 ? 1
+                         : first < 0xf0 ? 2
+                         : first < 0xf5 ? 3
+                                        : -1;
         const unsigned least = first == 0xe0 ? 0xa0 : first == 0xf0 ? 0x90 : 0x80;
         const unsigned most = first == 0xed ? 0x9f : first == 0xf4 ? 0x8f : 0xbf;
         if (more < 0 || (more > 0 && (*at < least || *at > most)))

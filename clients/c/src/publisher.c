@@ -11,8 +11,8 @@ static int check(busd_publisher *p, uint64_t size)
     if (p->end.state == REFUSED)
         return fail(bus, EPIPE, "%s: busd has refused this publisher", p->end.topic);
     if (size > p->max_message_bytes)
-        return fail(bus, EMSGSIZE, "%s: a message of %llu bytes; the limit is %llu", p->end.topic, (unsigned long long)size,
-                    (unsigned long long)p->max_message_bytes);
+        return fail(bus, EMSGSIZE, "%s: a message of %llu bytes; the limit is %llu", p->end.topic,
+                    (unsigned long long)size, (unsigned long long)p->max_message_bytes);
     if (!stream_has_room(p)) {
         flush(bus);
         return fail(bus, EAGAIN, "%s: %llu messages are not acknowledged yet", p->end.topic,
@@ -102,7 +102,8 @@ int busd_publisher_assert_liveliness(busd_publisher *p)
 
 void busd_publisher_stats(const busd_publisher *p, busd_stats *stats)
 {
-    *stats = (busd_stats){.samples = p->samples, .bytes = p->bytes, .replaced = p->replaced, .missed_deadlines = p->end.missed};
+    *stats = (busd_stats){.samples = p->samples, .bytes = p->bytes, .replaced = p->replaced,
+                          .missed_deadlines = p->end.missed};
     if (p->is_streaming)
         stats->queued = p->ring.latest - p->sent_seq;
     if (p->end.qos.history == BUSD_KEEP_LAST && stats->queued > p->end.qos.depth) { /* stream.c passes over them */

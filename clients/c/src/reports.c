@@ -1,5 +1,5 @@
-/* Counters for busd's statistics: reported when they have changed, at most twice a second, some endpoints at a time. And
- * busd's own counts of what it dropped. */
+/* Counters for busd's statistics: reported when they have changed, at most twice a second, some endpoints at a time.
+ * And busd's own counts of what it dropped. */
 #include "internal.h"
 
 #define REPORT_NS (SECOND_NS / 2)

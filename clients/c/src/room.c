@@ -10,7 +10,8 @@
 #define MOST_TRIES 64 /* answers of the ring for one message; each but the last changes something */
 
 /* Makes a ring. `fd` NULL: private. */
-static struct map *make_ring(busd_bus *bus, struct ring_sizes sizes, uint64_t first_seq, struct ring_writer *ring, int *fd)
+static struct map *make_ring(busd_bus *bus, struct ring_sizes sizes, uint64_t first_seq, struct ring_writer *ring,
+                             int *fd)
 {
     struct map *map = segment_make(bus, "busd-ring", ring_segment_bytes(sizes.capacity, sizes.index_length), fd);
     if (map == NULL)
@@ -115,11 +116,12 @@ static bool grow(busd_publisher *p, uint64_t size, bool must)
     const uint64_t held = ring->latest + 1 - ring->oldest;
     if (!must && now_ns() < p->no_growth_ns)
         return false;
-    const struct ring_sizes sizes =
-        ring_next_sizes(ring->capacity, held, size, ring->keep, p->ring_bytes, p->end.qos.history == BUSD_KEEP_ALL, must);
+    const struct ring_sizes sizes = ring_next_sizes(ring->capacity, held, size, ring->keep, p->ring_bytes,
+                                                    p->end.qos.history == BUSD_KEEP_ALL, must);
     int fd = -1;
-    struct map *map = sizes.capacity == 0 ? NULL
-                                          : make_ring(bus, sizes, ring_carry_from(ring, UINT64_MAX), &fresh, p->fd >= 0 ? &fd : NULL);
+    struct map *map = NULL;
+    if (sizes.capacity != 0)
+        map = make_ring(bus, sizes, ring_carry_from(ring, UINT64_MAX), &fresh, p->fd >= 0 ? &fd : NULL);
     if (map == NULL) {
         p->no_growth_ns = now_ns() + SECOND_NS;
         return false;
@@ -180,7 +182,8 @@ int room_reserve(busd_publisher *p, uint64_t size, void **place)
         case RING_SHORT: force = !grow(p, size, false); break;
         case RING_FULL:
             if (make_room(p, size) < 0)
-                return fail(bus, EAGAIN, "%s: its subscriptions have not taken enough of the messages yet", p->end.topic);
+                return fail(bus, EAGAIN, "%s: its subscriptions have not taken enough of the messages yet",
+                            p->end.topic);
             break;
         default: /* too large, or pinned */
             if (!grow(p, size, true))

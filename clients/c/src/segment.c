@@ -54,7 +54,8 @@ static bool reserve(busd_bus *bus, int fd, uint64_t size)
 {
     for (uint64_t start = 0; start < size; start += MEMORY_STEP) {
         const uint64_t step = sizes_min(size - start, MEMORY_STEP);
-        if ((start != 0 && !headroom_claim(bus, size - start, size)) || posix_fallocate(fd, (off_t)start, (off_t)step) != 0)
+        if ((start != 0 && !headroom_claim(bus, size - start, size))
+            || posix_fallocate(fd, (off_t)start, (off_t)step) != 0)
             return false;
     }
     return true;

@@ -1,9 +1,9 @@
 /* Services: calls with one answer, over two topics. docs/services.md: "On the bus".
  *
  * A call at its client is pending until its answer, or until its servers have left. At its server it is open until the
- * reply. A request or an answer can be lost with the connection, or by a bridge. Then the client asks the servers about the
- * call. A server that does not work on it says so; once all have said so, the call has failed. A bridge can lose the
- * question, too, so the client asks again after 1, 2, 4 and so on up to 16 seconds.
+ * reply. A request or an answer can be lost with the connection, or by a bridge. Then the client asks the servers about
+ * the call. A server that does not work on it says so; once all have said so, the call has failed. A bridge can lose
+ * the question, too, so the client asks again after 1, 2, 4 and so on up to 16 seconds.
  */
 #include <stdio.h>
 #include <stdlib.h>
@@ -12,7 +12,7 @@
 #include "internal.h"
 
 #define HEAD_ROOM 64u /* of an envelope, without its texts and body */
-#define FIRST_PAUSE_NS (2 * SECOND_NS)   /* until the first question about a call over a bridge: most answers come sooner */
+#define FIRST_PAUSE_NS (2 * SECOND_NS)  /* until the first question about a bridged call: most answers come sooner */
 #define MOST_PAUSE_NS (16 * SECOND_NS)  /* between two questions */
 #define LEAST_PAUSE_NS (SECOND_NS / 4)  /* between two looks at all calls */
 #define GRACE_NS (SECOND_NS / 2)        /* the report that a server has left may overtake its last answer */
@@ -51,7 +51,8 @@ static bool envelope_take(const busd_message *taken, bool is_reply, struct envel
 }
 
 /* Publishes an envelope. `error` NULL: a request. */
-static int envelope_publish(busd_publisher *publisher, const busd_call *call, const char *error, const void *body, size_t size)
+static int envelope_publish(busd_publisher *publisher, const busd_call *call, const char *error, const void *body,
+                            size_t size)
 {
     unsigned char *place;
     const size_t text = error == NULL ? 0 : strlen(error);
@@ -143,8 +144,8 @@ static int service_create(struct service *service, busd_node *node, const char *
     if (is_server)
         status = busd_publisher_create(node, topics[1], &type->reply, &sent, &service->publisher);
     if (status == 0)
-        status = busd_subscription_create(node, topics[!is_server], is_server ? &type->request : &type->reply, &taken, hear,
-                                          service, &service->subscription);
+        status = busd_subscription_create(node, topics[!is_server], is_server ? &type->request : &type->reply, &taken,
+                                          hear, service, &service->subscription);
     if (status == 0 && !is_server)
         status = busd_publisher_create(node, topics[0], &type->request, &sent, &service->publisher);
     free(topics[0]);
@@ -308,7 +309,8 @@ void busd_server_destroy(busd_server *server)
 
 /* --- clients */
 
-static void answer(struct service *service, struct call *call, int status, const char *error, const busd_message *response)
+static void answer(struct service *service, struct call *call, int status, const char *error,
+                   const busd_message *response)
 {
     const struct call ended = call_end(service, call);
     ended.answer(ended.user, status, error, response);
@@ -410,8 +412,8 @@ int busd_client_call(busd_client *client, const void *body, size_t size, busd_an
     if (body == NULL)
         return fail_encoding(client->service.node->bus);
     if (client->service.call_count >= MOST_PENDING)
-        return fail(client->service.node->bus, ENOBUFS, "%u calls of this client have no answer yet, which is the limit",
-                    MOST_PENDING);
+        return fail(client->service.node->bus, ENOBUFS,
+                    "%u calls of this client have no answer yet, which is the limit", MOST_PENDING);
     const bool is_declared = client->service.publisher->end.state == DECLARED;
     if (is_declared && busd_client_servers(client) == 0)
         return fail(client->service.node->bus, EHOSTUNREACH, "%s has no server", client->service.publisher->end.topic);

@@ -251,7 +251,8 @@ void lose_connection(busd_bus *bus, const char *reason)
     if (reason != NULL)
         fail(bus, 0, "%s", reason);
     if (bus->sock >= 0) {
-        epoll_ctl(bus->epoll, EPOLL_CTL_DEL, bus->sock, NULL); /* close() does not do it if a forked child has the socket */
+        /* close() does not do it if a forked child has the socket */
+        epoll_ctl(bus->epoll, EPOLL_CTL_DEL, bus->sock, NULL);
         close(bus->sock);
     }
     bus->sock = -1;
@@ -343,7 +344,8 @@ static bool make_readers(busd_bus *bus)
 
 static bool make_descriptors(busd_bus *bus)
 {
-    struct epoll_event bell = {.events = EPOLLIN, .data.u32 = WAKE_BELL}, timer = {.events = EPOLLIN, .data.u32 = WAKE_TIMER};
+    struct epoll_event bell = {.events = EPOLLIN, .data.u32 = WAKE_BELL};
+    struct epoll_event timer = {.events = EPOLLIN, .data.u32 = WAKE_TIMER};
     bus->epoll = epoll_create1(EPOLL_CLOEXEC);
     bus->bell = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
     bus->timer = timerfd_create(CLOCK_MONOTONIC, TFD_CLOEXEC | TFD_NONBLOCK);
@@ -379,7 +381,8 @@ int busd_connect(busd_bus **place, const char *path, const char *program)
     snprintf(bus->program, sizeof bus->program, "%s", program != NULL ? program : program_invocation_short_name);
     end_whole(bus->program);
     make_utf8(bus->program);
-    const int length = path == NULL ? socket_path(bus->path, sizeof bus->path) : snprintf(bus->path, sizeof bus->path, "%s", path);
+    const int length = path == NULL ? socket_path(bus->path, sizeof bus->path)
+                                    : snprintf(bus->path, sizeof bus->path, "%s", path);
     if (length < 0 || (size_t)length >= sizeof bus->path)
         return fail(bus, ENAMETOOLONG, "the path of the socket is longer than %zu bytes", sizeof bus->path - 1);
     if (!make_descriptors(bus))

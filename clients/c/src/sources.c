@@ -114,7 +114,8 @@ void source_leave(busd_subscription *sub, struct source *source)
     source->is_by_ring = source->is_complete = false;
 }
 
-/* Takes back a jump of the numbers of a broken publisher: busd accepts no such number, and the samples never existed. */
+/* Takes back a jump of the numbers of a broken publisher: busd accepts no such number, and the samples never
+ * existed. */
 static void go_back(struct feed *feed, const struct ring_reader *before)
 {
     feed->ring.next = before->next;
@@ -215,7 +216,8 @@ static uint64_t history_of(const busd_subscription *sub, busd_in qos)
 {
     if (sub->end.qos.durability == BUSD_VOLATILE || !busd_find_is(qos, "durability", "transient_local"))
         return 0;
-    const uint64_t offered = busd_find_is(qos, "history", "keep_all") ? RING_FOR_EVER : busd_find_number(qos, "depth", 10);
+    const uint64_t offered =
+        busd_find_is(qos, "history", "keep_all") ? RING_FOR_EVER : busd_find_number(qos, "depth", 10);
     return sub->depth != 0 ? sizes_min(offered, sub->depth) : offered;
 }
 
@@ -297,7 +299,7 @@ void subscription_matched(busd_subscription *sub, busd_in body, busd_in qos, con
     if (source == NULL)
         return;
     const bool is_new = source->number == 0, was_gone = source->is_gone;
-    const bool is_tap = busd_find_number(body, "is_tap", 0) != 0; /* read now: a callback can replace the received bytes */
+    const bool is_tap = busd_find_number(body, "is_tap", 0) != 0; /* now: a callback can replace the received bytes */
     const double lifespan_s = busd_find_real(qos, "lifespan", 0);
     source->before = was_gone && source->number != NO_NUMBER ? source->number : 0;
     source->number = busd_find_number(body, "other", 0);
@@ -305,7 +307,8 @@ void subscription_matched(busd_subscription *sub, busd_in body, busd_in qos, con
     source->lifespan_ns = lifespan_s > 0 && lifespan_s < 1e9 ? (uint64_t)(lifespan_s * 1e9) : 0;
     source->is_lossless = sub->end.is_lossless && busd_find_is(qos, "history", "keep_all")
                           && !busd_find_is(qos, "reliability", "best_effort");
-    source->has_history = sub->end.qos.durability != BUSD_VOLATILE && busd_find_is(qos, "durability", "transient_local");
+    source->has_history =
+        sub->end.qos.durability != BUSD_VOLATILE && busd_find_is(qos, "durability", "transient_local");
     source->is_stale = source->is_gone = source->is_complete = false;
     source->acked_seq = 0;
     source->first_seq = busd_find_number(body, "next_seq", 1);
@@ -334,7 +337,8 @@ void subscription_matched(busd_subscription *sub, busd_in body, busd_in qos, con
          source->is_by_ring ? "shared memory" : "socket");
 }
 
-/* Returns whether the program knows of the match: then tell_unmatched() follows, after which there may be other sources. */
+/* Returns whether the program knows of the match: then tell_unmatched() follows, after which there may be other
+ * sources. */
 static bool source_finish(busd_subscription *sub, struct source *source)
 {
     const bool was_told = source->is_told;
@@ -392,8 +396,9 @@ void sources_lost(busd_subscription *sub)
     for (struct source *source = sub->sources; source != NULL; source = source->next) {
         if (source->seat == NULL && source->routed_seq > source->last_seq) { /* they were queued for us */
             const bool is_later_counted = source->missed_seq >= source->routed_seq; /* those after them */
-            const bool is_over = source->is_gone && !source->is_lossless && !source->has_history; /* it repeats nothing */
-            *(is_later_counted || is_over ? &sub->skipped : &sub->perhaps_skipped) += source->routed_seq - source->last_seq;
+            const bool is_over = source->is_gone && !source->is_lossless && !source->has_history; /* repeats nothing */
+            uint64_t *count = is_later_counted || is_over ? &sub->skipped : &sub->perhaps_skipped;
+            *count += source->routed_seq - source->last_seq;
             if (is_over) /* they must not count a second time */
                 source->missed_seq = sizes_max(source->missed_seq, source->routed_seq);
         }
@@ -405,8 +410,8 @@ void sources_lost(busd_subscription *sub)
     }
 }
 
-/* busd has lost this connection before, and the publisher has left meanwhile. Its samples from `first` to `last` were for
- * us; `first` 0: those after the last one that came were. `last` 0: the publisher may return. */
+/* busd has lost this connection before, and the publisher has left meanwhile. Its samples from `first` to `last` were
+ * for us; `first` 0: those after the last one that came were. `last` 0: the publisher may return. */
 void sources_missed(busd_subscription *sub, const unsigned char *gid, uint64_t first, uint64_t last)
 {
     struct source *source = last == 0 || last > MAX_SEQ || first > last ? NULL : source_of_gid(sub, gid);
@@ -490,7 +495,8 @@ static bool find_oldest(busd_subscription *sub, struct source **place, uint64_t 
         if (status != RING_OK)
             continue;
         *waiting += source->feed.waiting - spared(source);
-        if (oldest == NULL || feed_stamp(&source->feed, &source->feed.head) < feed_stamp(&oldest->feed, &oldest->feed.head))
+        if (oldest == NULL
+            || feed_stamp(&source->feed, &source->feed.head) < feed_stamp(&oldest->feed, &oldest->feed.head))
             oldest = source;
     }
     *place = oldest;
@@ -508,7 +514,7 @@ struct source *source_oldest(busd_subscription *sub)
         if (oldest == NULL || sub->depth == 0 || waiting <= sub->depth)
             return oldest;
         const bool is_alone = waiting == oldest->feed.waiting;
-        feed_skip(&oldest->feed, is_alone ? waiting - sub->depth : 1); /* of several, one by one in order of the stamps */
+        feed_skip(&oldest->feed, is_alone ? waiting - sub->depth : 1); /* of several, one by one by their stamps */
     }
     return NULL;
 }

@@ -71,8 +71,8 @@ void stream_match(busd_publisher *p, uint64_t at_ns)
 
 /* --- runs */
 
-static void run_head(unsigned char head[RUN_HEAD_BYTES], uint64_t size, unsigned flags, uint64_t endpoint, uint64_t other,
-                     uint64_t first_seq, uint32_t count)
+static void run_head(unsigned char head[RUN_HEAD_BYTES], uint64_t size, unsigned flags, uint64_t endpoint,
+                     uint64_t other, uint64_t first_seq, uint32_t count)
 {
     const uint32_t length = (uint32_t)(RUN_HEAD_BYTES - 4 + size), ids[] = {(uint32_t)endpoint, (uint32_t)other};
     const uint32_t tail[] = {count, 0};

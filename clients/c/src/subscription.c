@@ -116,13 +116,15 @@ static int take_from_rings(busd_subscription *sub, busd_message *message)
                 source_show_cursor(source);
             continue;
         }
-        *message = (busd_message){.size = record.size, .stamp_ns = stamp_ns, .seq = record.seq, .publisher = source->number, .by_ring = 1};
+        *message = (busd_message){.size = record.size, .stamp_ns = stamp_ns, .seq = record.seq,
+                                  .publisher = source->number, .by_ring = 1};
         const struct ring_reader before = source->feed.ring;
         enum ring_status status = record.size > COPY_BYTES ? take_pinned(source, &record, message) : RING_PINNED;
         if (status == RING_PINNED)
             status = take_copy(sub, source, &record, message);
         if (status == RING_EMPTY)
-            return fail(sub->end.node->bus, ENOMEM, "%s: no memory for a message of %u bytes", sub->end.topic, record.size);
+            return fail(sub->end.node->bus, ENOMEM, "%s: no memory for a message of %u bytes", sub->end.topic,
+                        record.size);
         if (status != RING_OK && !feed_is_sound(&source->feed))
             source_leave_corrupt(sub, source, &before);
         if (status != RING_OK)

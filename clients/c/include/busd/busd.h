@@ -60,8 +60,8 @@ typedef struct busd_qos {
 int busd_connect(busd_bus **bus, const char *path, const char *program);
 
 /* Sends queued samples for up to a second, ends all nodes, and frees everything of the connection. Pending calls of
- * clients end with -ECANCELED. Messages that the program still holds must be released before. Not in a callback: there it
- * only ends the events. */
+ * clients end with -ECANCELED. Messages that the program still holds must be released before. Not in a callback: there
+ * it only ends the events. */
 void busd_close(busd_bus *bus);
 
 /* A descriptor for poll(), epoll or another event loop. If it is readable, call busd_dispatch(). */
@@ -75,8 +75,8 @@ int busd_dispatch(busd_bus *bus);
  * signal. */
 int busd_wait(busd_bus *bus, int timeout_ms);
 
-/* 1 while busd knows this process; 0 in its child after a fork. If the connection is lost, the library connects again by
- * itself. */
+/* 1 while busd knows this process; 0 in its child after a fork. If the connection is lost, the library connects again
+ * by itself. */
 int busd_is_connected(const busd_bus *bus);
 
 /* The reason of the last call that failed. Never NULL. */
@@ -198,8 +198,8 @@ typedef void busd_serve(void *user, busd_server *server, const busd_call *call, 
 int busd_server_create(busd_node *node, const char *name, const busd_service_type *type, const busd_qos *qos,
                        busd_serve *serve, void *user, busd_server **server);
 
-/* Replies to a call, once; or ends it with an error, whose reason the client gets; bytes of the reason that are not UTF-8
- * become `?`. -ENOENT: it has its reply, or has ended with an error, because 10,000 later calls have none. */
+/* Replies to a call, once; or ends it with an error, whose reason the client gets; bytes of the reason that are not
+ * UTF-8 become `?`. -ENOENT: it has its reply, or has ended with an error, because 10,000 later calls have none. */
 int busd_reply(busd_server *server, const busd_call *call, const void *body, size_t size);
 int busd_reply_error(busd_server *server, const busd_call *call, const char *reason);
 

@@ -1,6 +1,6 @@
-/* MessagePack for generated headers: `busd_put_...` writes into a buffer, `busd_get_...` reads a message and never leaves
- * it. Integers and lengths are written in their shortest form, as busd does. No function here fails by itself: a writer
- * sets `failed` if there is no room, a reader if the bytes are not the value asked for. C11 and C++17. */
+/* MessagePack for generated headers: `busd_put_...` writes into a buffer, `busd_get_...` reads a message and never
+ * leaves it. Integers and lengths are written in their shortest form, as busd does. No function here fails by itself: a
+ * writer sets `failed` if there is no room, a reader if the bytes are not the value asked for. C11 and C++17. */
 #ifndef BUSD_PACK_H
 #define BUSD_PACK_H
 
@@ -145,7 +145,8 @@ static inline void busd_put_map(busd_out *out, size_t n)
 /* --- reading */
 
 typedef enum busd_kind {
-    BUSD_NIL, BUSD_BOOL, BUSD_UINT, BUSD_INT, BUSD_FLOAT, BUSD_TEXT_ITEM, BUSD_BYTES_ITEM, BUSD_ARRAY, BUSD_MAP, BUSD_EXTENSION
+    BUSD_NIL, BUSD_BOOL, BUSD_UINT, BUSD_INT, BUSD_FLOAT, BUSD_TEXT_ITEM, BUSD_BYTES_ITEM, BUSD_ARRAY, BUSD_MAP,
+    BUSD_EXTENSION
 } busd_kind;
 
 /* A value without its parts. `number`: of BUSD_UINT and BUSD_BOOL, the bits of a negative BUSD_INT; else the length. */
@@ -193,17 +194,22 @@ static inline bool busd_item_tagged(busd_in *in, unsigned tag, busd_item *item)
     switch (tag) {
     case 0xc0: item->kind = BUSD_NIL; return true;
     case 0xc2: case 0xc3: item->kind = BUSD_BOOL; item->number = tag & 1; return true;
-    case 0xc4: case 0xc5: case 0xc6: item->kind = BUSD_BYTES_ITEM; item->number = busd_get_number(in, 1u << (tag - 0xc4)); return true;
-    case 0xc7: case 0xc8: case 0xc9: item->kind = BUSD_EXTENSION; item->number = busd_get_number(in, 1u << (tag - 0xc7)) + 1; return true;
+    case 0xc4: case 0xc5: case 0xc6:
+        item->kind = BUSD_BYTES_ITEM; item->number = busd_get_number(in, 1u << (tag - 0xc4)); return true;
+    case 0xc7: case 0xc8: case 0xc9:
+        item->kind = BUSD_EXTENSION; item->number = busd_get_number(in, 1u << (tag - 0xc7)) + 1; return true;
     case 0xca: busd_item_float(item, busd_get_number(in, 4), true); return true;
     case 0xcb: busd_item_float(item, busd_get_number(in, 8), false); return true;
-    case 0xcc: case 0xcd: case 0xce: case 0xcf: item->kind = BUSD_UINT; item->number = busd_get_number(in, 1u << (tag - 0xcc)); return true;
+    case 0xcc: case 0xcd: case 0xce: case 0xcf:
+        item->kind = BUSD_UINT; item->number = busd_get_number(in, 1u << (tag - 0xcc)); return true;
     case 0xd0: busd_item_signed(item, (int8_t)busd_get_number(in, 1)); return true;
     case 0xd1: busd_item_signed(item, (int16_t)busd_get_number(in, 2)); return true;
     case 0xd2: busd_item_signed(item, (int32_t)busd_get_number(in, 4)); return true;
     case 0xd3: busd_item_signed(item, (int64_t)busd_get_number(in, 8)); return true;
-    case 0xd4: case 0xd5: case 0xd6: case 0xd7: case 0xd8: item->kind = BUSD_EXTENSION; item->number = (1u << (tag - 0xd4)) + 1; return true;
-    case 0xd9: case 0xda: case 0xdb: item->kind = BUSD_TEXT_ITEM; item->number = busd_get_number(in, 1u << (tag - 0xd9)); return true;
+    case 0xd4: case 0xd5: case 0xd6: case 0xd7: case 0xd8:
+        item->kind = BUSD_EXTENSION; item->number = (1u << (tag - 0xd4)) + 1; return true;
+    case 0xd9: case 0xda: case 0xdb:
+        item->kind = BUSD_TEXT_ITEM; item->number = busd_get_number(in, 1u << (tag - 0xd9)); return true;
     case 0xdc: case 0xdd: item->kind = BUSD_ARRAY; item->number = busd_get_number(in, 2u << (tag - 0xdc)); return true;
     case 0xde: case 0xdf: item->kind = BUSD_MAP; item->number = busd_get_number(in, 2u << (tag - 0xde)); return true;
     default: return false;
