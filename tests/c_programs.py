@@ -28,6 +28,8 @@ FLAGS = ["-Wall", "-Wextra", "-Werror", "-O0", "-g", *("-static" if EMULATOR els
 INBOX_BYTES = 8 << 20
 """Most bytes of messages by socket that wait for a subscription, in the library of the tests."""
 LIBRARY_FLAGS = f"-O0 -g -Werror -DINBOX_BYTES={INBOX_BYTES}u"
+COUNTED = [f"-Wl,--wrap={name}" for name in ("malloc", "calloc", "realloc")]
+"""For a program that counts its allocations."""
 MESSAGES = (
     "example_interfaces/srv/AddTwoInts",
     "geometry_msgs/msg/PoseArray",
@@ -68,7 +70,7 @@ def _build(folder: Path) -> None:
     made = (f"BUILD={folder}", f"CC={COMPILER}", f"SANITIZE={SANITIZE}", f"CFLAGS={LIBRARY_FLAGS}")
     run("make", "-s", "-C", CLIENT, "-j2", *made)
     for name in ("callbacks", "graph", "peer", "repack", "service"):
-        compile_c(folder, SOURCES / f"{name}.c", folder / name)
+        compile_c(folder, SOURCES / f"{name}.c", folder / name, *(COUNTED if name == "callbacks" else ()))
     if not why_no_cpp():
         for name in ("graph", "peer", "service"):
             compile_cpp(folder, SOURCES / f"{name}.cpp", folder / f"{name}_cpp")

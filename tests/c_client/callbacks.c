@@ -1,7 +1,7 @@
 /* The C side of tests/system/test_c_client_callbacks.py: callbacks that destroy, create and close; bad names. One
  * process is both ends. Prints what has happened; the sanitizers report the rest.
  *
- *     callbacks own|wait|idle|calls|many|node|close|late|kept|fork|create|names|slots|ping     runs to its end
+ *     callbacks own|wait|idle|calls|many|node|close|late|kept|fork|create|names|slots|ping|warm   runs to its end
  *     callbacks away                               waits for busd's end; a forked child has the socket, too
  *     callbacks again                              creates a publisher when it is connected again
  *     callbacks phantom                            waits for room of a publisher until it is killed
@@ -539,6 +539,65 @@ static void ping(void)
     printf("enough: %d\n", now_ms() - begin > 200 && now_ms() - begin < 20000);
 }
 
+/* The linker puts these in place of the functions of the C library (tests/c_programs.py). */
+void *__real_malloc(size_t size);
+void *__real_calloc(size_t count, size_t size);
+void *__real_realloc(void *old, size_t size);
+static int allocated;
+
+void *__wrap_malloc(size_t size) { return allocated++, __real_malloc(size); }
+void *__wrap_calloc(size_t count, size_t size) { return allocated++, __real_calloc(count, size); }
+void *__wrap_realloc(void *old, size_t size) { return allocated++, __real_realloc(old, size); }
+
+static void hear_paced(void *user, const busd_message *message)
+{
+    (void)user;
+    (void)message;
+    heard++;
+}
+
+/* One message after the other. Those that are not heard are taken. */
+static void pace(int messages, int is_heard)
+{
+    busd_message taken;
+    for (int i = 0; i < messages; i++) {
+        const int before = heard;
+        publish(publisher, "paced");
+        while (is_heard && heard == before)
+            need(busd_wait(bus, WAIT_MS));
+        if (is_heard)
+            continue;
+        take(&taken);
+        busd_release(&taken);
+    }
+}
+
+/* Reports and pings go to busd a few times in a second, and may take memory. Messages take none. */
+static void stay_warm(void)
+{
+    enum { MESSAGES = 500 };
+    const struct {
+        const char *topic;
+        busd_qos qos;
+        int is_heard;
+    } ways[] = {
+        {"/heard", BUSD_QOS_DEFAULT, 1},
+        {"/taken", BUSD_QOS_DEFAULT, 0},
+        {"/lossless", BUSD_QOS_LOSSLESS, 0},
+        {"/alive", {.depth = 10, .liveliness = BUSD_MANUAL_BY_TOPIC, .lease_ns = INT64_C(10000000000)}, 1},
+    };
+    for (size_t i = 0; i < sizeof ways / sizeof *ways; i++) {
+        make(ways[i].topic, &ways[i].qos, ways[i].is_heard ? hear_paced : NULL);
+        pace(100, ways[i].is_heard);
+        const int before = allocated;
+        pace(MESSAGES, ways[i].is_heard);
+        if (allocated - before < MESSAGES / 5)
+            printf("%s: none for a message\n", ways[i].topic);
+        else
+            printf("%s: %d times for %d messages\n", ways[i].topic, allocated - before, MESSAGES);
+    }
+}
+
 static void destroy_late(void *user, const busd_event *event)
 {
     (void)user;
@@ -583,7 +642,7 @@ static const struct {
     {"calls", end_client_with_calls}, {"many", call_too_often}, {"node", call_twice}, {"close", close_in_callback},
     {"late", destroy_late_ones}, {"kept", keep}, {"fork", fork_and_go_on}, {"create", create_inside_of_create},
     {"names", make_with_bad_names}, {"slots", use_all_slots}, {"ping", ping}, {"away", wait_without_busd},
-    {"again", make_again}, {"reply", reply_twice}, {"call", call_in_call},
+    {"again", make_again}, {"reply", reply_twice}, {"call", call_in_call}, {"warm", stay_warm},
 };
 
 int main(int argc, char **argv)

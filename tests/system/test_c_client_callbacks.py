@@ -42,6 +42,10 @@ STORIES = {
     "late": ["missed 1 by the publisher", "heard 1 in all"],
     "kept": ["kept", "heard 0 in all"],
     "fork": ["kept: 1", *DESTROYED * 2, "heard 2 in all"],
+    "warm": [
+        *(f"/{topic}: none for a message" for topic in ("heard", "taken", "lossless", "alive")),
+        "heard 1200 in all",
+    ],
 }
 
 

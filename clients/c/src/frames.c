@@ -15,16 +15,22 @@
 
 #define READ_BYTES 65536u
 #define KEPT_BYTES (1u << 20) /* of memory for received bytes, if there are none */
+#define SIMPLE_BYTES 256u     /* most of a control message of numbers only */
 
 /* --- control messages to busd */
 
-void control_begin(busd_out *out, const char *tag, unsigned fields)
+static void put_begin(busd_out *out, const char *tag, unsigned fields)
 {
     static const unsigned char head[HEAD_BYTES] = {0, 0, 0, 0, FRAME_CONTROL, 0, 0, 0};
-    *out = (busd_out){0};
     busd_put_raw(out, head, sizeof head);
     busd_put_map(out, fields + 1);
     field_text(out, "m", tag);
+}
+
+void control_begin(busd_out *out, const char *tag, unsigned fields)
+{
+    *out = (busd_out){0};
+    put_begin(out, tag, fields);
 }
 
 void field_number(busd_out *out, const char *key, uint64_t number)
@@ -131,14 +137,25 @@ int control_send(busd_bus *bus, busd_out *out, const int *fds, unsigned fd_count
 }
 
 /* Sends a control message of numbers only. If it can't be sent, the connection is gone, and a new one makes it
- * needless. */
+ * needless. It may belong to a message, so it takes no memory if the socket takes it now. */
 void control_simple(busd_bus *bus, const char *tag, unsigned count, const char *const *keys, const uint64_t *numbers)
 {
-    busd_out out;
-    control_begin(&out, tag, count);
+    unsigned char bytes[SIMPLE_BYTES];
+    busd_out out = {.bytes = bytes, .room = sizeof bytes, .is_fixed = true};
+    put_begin(&out, tag, count);
     for (unsigned i = 0; i < count; i++)
         field_number(&out, keys[i], numbers[i]);
-    control_send(bus, &out, NULL, 0);
+    const uint32_t length = (uint32_t)out.size - 4;
+    memcpy(bytes, &length, 4);
+    if (bus->sock < 0 || bus->is_leaving)
+        return;
+    const bool is_first = bus->current == NULL && bus->control.first == NULL && bus->pid == getpid();
+    if (!is_first || !send_run(bus, &(struct iovec){bytes, out.size}, 1, out.size)) {
+        struct frame *frame = bus->sock < 0 ? NULL : frame_new(bytes, out.size);
+        if (frame != NULL)
+            frame_queue(bus, frame);
+    }
+    flush(bus);
 }
 
 /* --- sending */

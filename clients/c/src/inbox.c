@@ -12,9 +12,10 @@
 /* A sample with room for `size` bytes. NULL: no memory. */
 struct sample *sample_new(busd_subscription *sub, size_t size)
 {
-    struct sample *sample = sub->spare;
+    busd_bus *bus = sub->end.node->bus;
+    struct sample *sample = bus->spare;
     if (sample != NULL && sample->room >= size) {
-        sub->spare = NULL;
+        bus->spare = NULL;
     } else {
         const size_t room = size < 256 ? 256 : size;
         sample = malloc(sizeof *sample + room);
@@ -22,16 +23,20 @@ struct sample *sample_new(busd_subscription *sub, size_t size)
             return NULL;
         sample->room = room;
     }
-    *sample = (struct sample){.size = size, .room = sample->room};
+    *sample = (struct sample){.bus = bus, .size = size, .room = sample->room};
     return sample;
 }
 
-void sample_free(busd_subscription *sub, struct sample *sample)
+/* Keeps the larger one of this sample and the spare one, unless it is too large: then a paced message needs no new
+ * memory. */
+void sample_free(struct sample *sample)
 {
-    if (sub != NULL && sub->spare == NULL && sample->room <= SPARE_BYTES)
-        sub->spare = sample;
-    else
-        free(sample);
+    struct sample **spare = &sample->bus->spare, *other = sample;
+    if (sample->room <= SPARE_BYTES && (*spare == NULL || (*spare)->room < sample->room)) {
+        other = *spare;
+        *spare = sample;
+    }
+    free(other);
 }
 
 /* Memory of a sample, which for a short one is mostly its head. */
@@ -59,7 +64,7 @@ static void drop(busd_subscription *sub, struct sample **at, enum reason reason)
     struct sample *sample = take_out(sub, at);
     sub->dropped[reason]++;
     inbox_taken(sub, sample);
-    sample_free(sub, sample);
+    sample_free(sample);
 }
 
 /* Whether the sample must not be lost. Its publisher sends at most a window without acknowledgements. */
@@ -170,7 +175,6 @@ void inbox_free(busd_subscription *sub)
 {
     while (sub->first != NULL)
         free(inbox_pop(sub));
-    free(sub->spare);
 }
 
 /* --- acknowledgements */

@@ -233,8 +233,9 @@ struct source {
     int doorbell;                  /* -1: none is needed */
 };
 
-struct sample { /* by socket */
+struct sample { /* by socket, or copied out of a ring */
     struct sample *next;
+    busd_bus *bus;
     struct source *source; /* NULL: it is forgotten */
     uint64_t seq, publisher;
     int64_t stamp_ns;
@@ -252,7 +253,6 @@ struct busd_subscription {
     int64_t declared_ns;
     struct source *sources;
     struct sample *first, **last, **kept; /* the samples before `*kept` must not be lost */
-    struct sample *spare; /* the last one that was released */
     uint64_t queued, queued_bytes, queued_replays;
     uint64_t samples, bytes;
     uint64_t passed;                     /* through rings that were left */
@@ -366,6 +366,7 @@ struct busd_bus {
     size_t in_begin, in_end, in_room;
     struct batch batches[MOST_BATCHES];
     unsigned batch_count;
+    struct sample *spare;   /* a released one, for the next message */
     struct frame_list control;
     struct frame *current;  /* partly sent */
     uint64_t rounds; /* of reports */
@@ -514,7 +515,7 @@ void seat_release(struct seat *seat);
 /* inbox.c */
 int inbox_run(busd_subscription *sub, const unsigned char *body, size_t size, unsigned flags);
 struct sample *sample_new(busd_subscription *sub, size_t size);
-void sample_free(busd_subscription *sub, struct sample *sample);
+void sample_free(struct sample *sample);
 void inbox_add(busd_subscription *sub, struct sample *sample);
 struct sample *inbox_pop(busd_subscription *sub);
 void inbox_taken(busd_subscription *sub, const struct sample *sample);

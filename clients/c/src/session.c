@@ -595,5 +595,6 @@ void busd_close(busd_bus *bus)
         if (fds[i] >= 0)
             close(fds[i]);
     free(bus->in);
+    free(bus->spare);
     free(bus);
 }

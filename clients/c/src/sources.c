@@ -144,7 +144,7 @@ static void drain(busd_subscription *sub, struct source *source)
             inbox_add(sub, sample);
             before = feed->ring;
         } else {
-            sample_free(sub, sample);
+            sample_free(sample);
         }
     }
     if (status == RING_CORRUPT || !feed_is_sound(feed))

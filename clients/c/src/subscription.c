@@ -62,7 +62,7 @@ static bool take_from_inbox(busd_subscription *sub, busd_message *message)
         inbox_taken(sub, sample);
         if (sample->source != NULL && is_expired(sample->source->lifespan_ns, sample->stamp_ns)) {
             sub->dropped[EXPIRED]++;
-            sample_free(sub, sample);
+            sample_free(sample);
             continue;
         }
         *message = (busd_message){.data = sample->bytes, .size = sample->size, .stamp_ns = sample->stamp_ns,
@@ -96,7 +96,7 @@ static enum ring_status take_copy(busd_subscription *sub, struct source *source,
         return RING_EMPTY;
     const enum ring_status status = feed_copy(&source->feed, 0, record, copy->bytes);
     if (status != RING_OK) {
-        sample_free(sub, copy);
+        sample_free(copy);
         return status;
     }
     message->data = copy->bytes;
@@ -156,7 +156,7 @@ void busd_release(busd_message *message)
     if (thing == NULL)
         return;
     if (kind == HELD_COPY) {
-        sample_free(NULL, thing);
+        sample_free(thing);
     } else {
         struct hold *hold = thing;
         struct seat *seat = hold->seat;
@@ -186,10 +186,7 @@ bool subscription_deliver(busd_subscription *sub, int most)
     busd_message message;
     for (; most > 0 && !sub->end.is_closed && busd_take(sub, &message) == 1; most--) {
         sub->callback(sub->user, &message);
-        if (message.held != NULL && ((uintptr_t)message.held & HELD_MASK) == HELD_COPY)
-            sample_free(sub, (struct sample *)((char *)message.held - HELD_COPY)); /* kept for the next message */
-        else
-            busd_release(&message);
+        busd_release(&message);
     }
     return most == 0 && !sub->end.is_closed;
 }
