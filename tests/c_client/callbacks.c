@@ -1,12 +1,14 @@
 /* The C side of tests/system/test_c_client_callbacks.py: callbacks that destroy, create and close; bad names. One
  * process is both ends. Prints what has happened; the sanitizers report the rest.
  *
- *     callbacks own|wait|idle|calls|many|node|close|late|kept|fork|create|names|slots|ping|warm   runs to its end
+ *     callbacks own|wait|idle|calls|many|node|close|late|kept|fork|create|names|slots|ping|warm|poll|alive   run to
+ *                                                  their end
  *     callbacks away                               waits for busd's end; a forked child has the socket, too
  *     callbacks again                              creates a publisher when it is connected again
  *     callbacks phantom                            waits for room of a publisher until it is killed
  *     callbacks reply|call                         wait for SIGUSR1 after busd's end, and find it by a reply or call
  */
+#include <poll.h>
 #include <signal.h>
 #include <stdio.h>
 #include <sys/wait.h>
@@ -598,6 +600,53 @@ static void stay_warm(void)
     }
 }
 
+/* An event loop of the program. The descriptor is readable for each message, and only then one is there. */
+static void use_own_loop(void)
+{
+    enum { MESSAGES = 100 };
+    struct pollfd poller = {.fd = busd_fd(bus), .events = POLLIN};
+    busd_message taken;
+    int count = 0, was_ready = 0;
+    make("/t", &BUSD_QOS_DEFAULT, NULL);
+    while (count < MESSAGES) {
+        while (busd_dispatch(bus) > 0)
+            ;
+        was_ready += busd_is_ready(subscription);
+        publish(publisher, "polled");
+        do {
+            if (poll(&poller, 1, WAIT_MS) != 1)
+                exit(1);
+            need(busd_dispatch(bus));
+        } while (!busd_is_ready(subscription));
+        need(busd_take(subscription, &taken));
+        busd_release(&taken);
+        count++;
+    }
+    printf("taken %d, ready without a message %d\n", count, was_ready);
+}
+
+static int changes, losses;
+
+static void note_liveliness(void *user, const busd_event *event)
+{
+    (void)user;
+    if (event->kind == BUSD_LIVELINESS_CHANGED && event->subscription == subscription && ++changes <= 3)
+        printf("%s\n", event->text);
+    losses += event->kind == BUSD_LIVELINESS_LOST && event->publisher == publisher;
+}
+
+static void be_alive(void)
+{
+    const busd_qos qos = {.depth = 1, .liveliness = BUSD_MANUAL_BY_TOPIC, .lease_ns = 200000000};
+    busd_on_event(bus, note_liveliness, NULL);
+    make("/t", &qos, NULL);
+    for (int wanted = 2; wanted <= 3; wanted++) {
+        need(busd_publisher_assert_liveliness(publisher));
+        while (changes < wanted || losses == 0)
+            need(busd_wait(bus, WAIT_MS));
+    }
+}
+
 static void destroy_late(void *user, const busd_event *event)
 {
     (void)user;
@@ -643,6 +692,7 @@ static const struct {
     {"late", destroy_late_ones}, {"kept", keep}, {"fork", fork_and_go_on}, {"create", create_inside_of_create},
     {"names", make_with_bad_names}, {"slots", use_all_slots}, {"ping", ping}, {"away", wait_without_busd},
     {"again", make_again}, {"reply", reply_twice}, {"call", call_in_call}, {"warm", stay_warm},
+    {"poll", use_own_loop}, {"alive", be_alive},
 };
 
 int main(int argc, char **argv)

@@ -42,11 +42,13 @@ int main()
         } catch (const busd::error &error) {
             std::printf("refused %d: %s\n", error.code().value(), error.what());
         }
+        auto sign = node.create_publisher<std_msgs::msg::String>("/cpp/sign", busd::qos().manual_by_topic());
+        sign.assert_liveliness();
         std::printf("ready\n");
         std::fflush(stdout);
         while (!has_ended) {
             bus.wait();
-            while (auto got = again.take()) {
+            while (auto got = again.is_ready() ? again.take() : std::nullopt) {
                 auto moved = std::move(*got);
                 const std::string frame(moved->header.frame_id);
                 std::printf("%s %zu poses, x %g, w %g\n", frame.c_str(), moved->poses.size(), moved->poses[2].position.x,

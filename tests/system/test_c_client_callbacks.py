@@ -46,6 +46,11 @@ STORIES = {
         *(f"/{topic}: none for a message" for topic in ("heard", "taken", "lossless", "alive")),
         "heard 1200 in all",
     ],
+    "poll": ["taken 100, ready without a message 0", "heard 0 in all"],
+    "alive": [
+        *(f"a publisher of /t is {state}" for state in ("alive", "not alive", "alive")),
+        "heard 0 in all",
+    ],
 }
 
 

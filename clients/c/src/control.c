@@ -166,9 +166,15 @@ static int take_incompatible(struct message *m)
 
 static int take_liveliness(struct message *m)
 {
-    if (m->subscription != NULL)
-        tell(m->bus, BUSD_LIVELINESS_CHANGED, &m->subscription->end, "a publisher of %s is %s",
-             m->subscription->end.topic, busd_find_number(m->body, "alive", 0) ? "alive" : "not alive");
+    if (m->subscription == NULL)
+        return 0;
+    struct source *source = source_find(m->subscription, busd_find_number(m->body, "publisher", 0));
+    const bool is_alive = busd_find_number(m->body, "alive", 0) != 0;
+    if (source == NULL || (source->awaits_sign && !is_alive))
+        return 0;
+    source->awaits_sign = false;
+    tell(m->bus, BUSD_LIVELINESS_CHANGED, &m->subscription->end, "a publisher of %s is %s",
+         m->subscription->end.topic, is_alive ? "alive" : "not alive");
     return 0;
 }
 

@@ -224,6 +224,7 @@ struct source {
     uint64_t history_end;          /* samples before this are history, which the depth leaves alone */
     bool is_by_ring, is_lossless, is_stale, is_gone;
     bool is_told; /* as in a match */
+    bool awaits_sign;              /* it counts neither as alive nor as not alive before its first sign of life */
     bool has_history;              /* it keeps samples, and this subscription wants them */
     bool is_complete;              /* every number that is missing by socket from now on was dropped by busd */
     /* by ring, while it has a seat */

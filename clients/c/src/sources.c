@@ -312,6 +312,7 @@ void subscription_matched(busd_subscription *sub, busd_in body, busd_in qos, con
     source->is_stale = source->is_gone = source->is_complete = false;
     source->acked_seq = 0;
     source->first_seq = busd_find_number(body, "next_seq", 1);
+    source->awaits_sign = busd_find_number(body, "awaits_sign", 0) != 0;
     if (!busd_find_is(body, "route", "shm") || !bus->shares) {
         by_socket(sub, source, body, is_new);
     } else {

@@ -139,6 +139,8 @@ template <class T> class publisher {
         return status != -EAGAIN && detail::check_encoded(bus_, status) == 0;
     }
     bool wait(int timeout_ms = -1) { return detail::check(bus_, busd_publisher_wait(handle_.get(), timeout_ms)) > 0; }
+    // A sign of life, for liveliness manual by topic. A message is one, too.
+    void assert_liveliness() { detail::check(bus_, busd_publisher_assert_liveliness(handle_.get())); }
     int matches() const { return busd_publisher_matches(handle_.get()); }
     busd_stats stats() const
     {
@@ -175,6 +177,8 @@ template <class T> class subscription {
             return std::nullopt;
         return std::optional<taken<T>>(std::in_place, raw);
     }
+    // Whether take() would probably find a message.
+    bool is_ready() const { return busd_is_ready(handle_.get()); }
     int matches() const { return busd_subscription_matches(handle_.get()); }
     std::uint64_t undecodable() const { return state_->undecodable; }
     busd_stats stats() const
