@@ -6,6 +6,7 @@
  *     callbacks away                               waits for busd's end; a forked child has the socket, too
  *     callbacks again                              creates a publisher when it is connected again
  *     callbacks phantom                            waits for room of a publisher until it is killed
+ *     callbacks at_once                            creates while busd is away, and is heard by the next busd
  *     callbacks reply|call                         wait for SIGUSR1 after busd's end, and find it by a reply or call
  */
 #include <poll.h>
@@ -625,6 +626,58 @@ static void use_own_loop(void)
     printf("taken %d, ready without a message %d\n", count, was_ready);
 }
 
+static int refusals;
+
+static void show_refusal(void *user, const busd_event *event)
+{
+    (void)user;
+    if (event->kind != BUSD_REFUSED)
+        return;
+    printf("refused: %.*s\n", (int)strcspn(event->text, "\n"), event->text);
+    refusals++;
+}
+
+/* Without a wait: while busd is away, while it is there, and destroyed before busd has answered. */
+static void create_at_once(void)
+{
+    const busd_type *type = &std_msgs__msg__String__type;
+    busd_node *early, *late, *wrong;
+    busd_publisher *ended, *refused, *its;
+    busd_on_event(bus, show_refusal, NULL);
+    busd_create_at_once(bus, 1);
+    wait_for_end();
+    while (busd_is_connected(bus))
+        need(busd_wait(bus, 10));
+    need(busd_node_create(bus, "early", NULL, &early));
+    need(busd_subscription_create(early, "/t", type, NULL, hear_paced, NULL, &subscription));
+    need(busd_publisher_create(early, "/t", type, NULL, &publisher));
+    need(busd_client_create(early, "/add", &example_interfaces__srv__AddTwoInts__service, NULL, &client));
+    publish(publisher, "for nobody");
+    ask();
+    printf("created\n");
+    fflush(stdout);
+    while (busd_publisher_matches(publisher) == 0 || busd_subscription_matches(subscription) == 0)
+        need(busd_wait(bus, WAIT_MS));
+    publish(publisher, "for itself");
+    wait_for_callback();
+    need(busd_publisher_create(early, "/ended", type, NULL, &ended));
+    busd_publisher_destroy(ended);
+    need(busd_node_create(bus, "late", NULL, &late));
+    busd_node_destroy(late);
+    need(busd_publisher_create(early, "/a b", type, NULL, &refused));
+    need(busd_node_create(bus, "a b", NULL, &wrong));
+    need(busd_publisher_create(wrong, "/its", type, NULL, &its));
+    while (refusals < 2)
+        need(busd_wait(bus, WAIT_MS));
+    printf("publish: %d\n", busd_publish(its, "", 0) == -EPIPE && busd_publish(refused, "", 0) == -EPIPE);
+    const busd_graph *graph;
+    need(busd_graph_get(bus, 0, &graph));
+    for (size_t i = 0; i < graph->nodes.count; i++)
+        printf("node %s\n", graph->nodes.items[i]->full_name);
+    printf("ended: %d\n", busd_graph_find_topic(graph, "/ended") == NULL);
+    busd_graph_free(graph);
+}
+
 static int changes, losses;
 
 static void note_liveliness(void *user, const busd_event *event)
@@ -692,7 +745,7 @@ static const struct {
     {"late", destroy_late_ones}, {"kept", keep}, {"fork", fork_and_go_on}, {"create", create_inside_of_create},
     {"names", make_with_bad_names}, {"slots", use_all_slots}, {"ping", ping}, {"away", wait_without_busd},
     {"again", make_again}, {"reply", reply_twice}, {"call", call_in_call}, {"warm", stay_warm},
-    {"poll", use_own_loop}, {"alive", be_alive},
+    {"poll", use_own_loop}, {"alive", be_alive}, {"at_once", create_at_once},
 };
 
 int main(int argc, char **argv)

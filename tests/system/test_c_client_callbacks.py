@@ -1,6 +1,7 @@
 """Callbacks of the C client that destroy, create and close, by both routes, with the sanitizers."""
 
 import asyncio
+import re
 import signal
 from pathlib import Path
 
@@ -131,3 +132,27 @@ async def test_a_call_inside_of_a_call(daemon: Daemon, programs: Path, tmp_path:
         daemon.restart()
         assert await program.end() == 0, program.lines
     assert sorted(program.lines[2:4]) == ["first: 1", "second: 2"]
+
+
+async def test_nothing_waits_for_busd_if_the_program_wants_so(
+    daemon: Daemon, programs: Path, tmp_path: Path, route: str
+) -> None:
+    """What busd has not answered yet may be destroyed, and busd forgets it."""
+    async with running_command(tmp_path, programs / "callbacks", "at_once") as program:
+        await program.line("^ready$")
+        daemon.kill()
+        program.process.send_signal(signal.SIGUSR1)
+        await program.line("^created$")
+        daemon.restart()
+        assert await program.end() == 0, program.lines
+    assert [re.sub(r"( name): .*", r"\1", line) for line in program.lines[1:]] == [
+        "call: /add/_request has no server",
+        "created",
+        "refused: /a b: Invalid topic name",
+        "refused: node a b: Invalid node name",
+        "publish: 1",
+        "node /callbacks",
+        "node /early",
+        "ended: 1",
+        "heard 1 in all",
+    ]

@@ -5,8 +5,8 @@
  *     DECLARED     Created has come: it has an id
  *     REFUSED      by this or an earlier busd; it is not asked for again
  *
- * The first declaration is awaited by the call that creates the thing. Later ones need no wait: each node's Created
- * declares the endpoints of the node.
+ * The first declaration is awaited by the call that creates the thing, unless the program wants no wait. Later ones
+ * need none: each node's Created declares the endpoints of the node.
  */
 #include <poll.h>
 #include <stdlib.h>
@@ -79,12 +79,18 @@ static void endpoint_answer(struct endpoint *end, busd_in body, bool is_created)
     busd_bus *bus = end->node->bus;
     if (!is_created) {
         end->state = REFUSED;
-        if (waiting_for(bus, end->request) == NULL)
+        if (waiting_for(bus, end->request) == NULL && !end->is_closed)
             tell(bus, BUSD_REFUSED, end, "%s: %s", end->topic, bus->error);
         return;
     }
-    end->state = DECLARED;
     end->id = busd_find_number(body, "id", 0);
+    if (end->is_closed) {
+        end->state = REFUSED;
+        control_simple(bus, "end-", 1, (const char *const[]){"endpoint"}, &end->id);
+        return;
+    }
+    end->state = DECLARED;
+    end->was_declared = true;
     end->window_samples = busd_find_number(body, "window_samples", 0);
     end->window_bytes = busd_find_number(body, "window_bytes", 0);
     report_due(end);
@@ -262,6 +268,17 @@ int declare_all(busd_bus *bus)
     return status == 0 && bus->watches != NULL ? graph_ask(bus) : status;
 }
 
+/* The endpoints of a node that busd has refused. */
+static void refuse_endpoints(const busd_node *node)
+{
+    for (busd_publisher *p = node->bus->publishers; p != NULL; p = p->next)
+        if (p->end.node == node)
+            p->end.state = REFUSED;
+    for (busd_subscription *s = node->bus->subscriptions; s != NULL; s = s->next)
+        if (s->end.node == node)
+            s->end.state = REFUSED;
+}
+
 /* Takes Created, Done or Refused. */
 void answer_take(busd_bus *bus, busd_in body, bool is_created)
 {
@@ -280,6 +297,12 @@ void answer_take(busd_bus *bus, busd_in body, bool is_created)
             continue;
         node->state = is_created ? DECLARED : REFUSED;
         node->id = busd_find_number(body, "id", 0);
+        if (node->is_closed) {
+            node->state = REFUSED;
+            if (is_created)
+                control_simple(bus, "node-", 1, (const char *const[]){"node"}, &node->id);
+            return;
+        }
         if (is_refused && waiting == NULL)
             tell(bus, BUSD_REFUSED, NULL, "node %s: %s", node->name, bus->error);
         for (busd_publisher *p = bus->publishers; p != NULL; p = p->next)
@@ -288,6 +311,8 @@ void answer_take(busd_bus *bus, busd_in body, bool is_created)
         for (busd_subscription *s = bus->subscriptions; s != NULL; s = s->next)
             if (s->end.node == node && s->end.state == UNDECLARED && !s->end.is_closed && is_created)
                 declare_again(&s->end);
+        if (is_refused)
+            refuse_endpoints(node);
         return;
     }
     for (busd_publisher *p = bus->publishers; p != NULL; p = p->next)
@@ -300,9 +325,19 @@ void answer_take(busd_bus *bus, busd_in body, bool is_created)
 
 /* --- the life of nodes and endpoints */
 
+void busd_create_at_once(busd_bus *bus, int is_on) { bus->creates_at_once = is_on != 0; }
+
+/* The result of the first declaration. Without a wait, one that has not been sent comes with the next connection. */
+static int first_answer(busd_bus *bus, int status, uint64_t request)
+{
+    if (bus->creates_at_once)
+        return status == -ENOTCONN ? 0 : status;
+    return status == 0 ? await(bus, &(struct waiting){.request = request}) : status;
+}
+
 int busd_node_create(busd_bus *bus, const char *name, const char *ns, busd_node **place)
 {
-    if (!busd_is_connected(bus))
+    if (!busd_is_connected(bus) && !bus->creates_at_once)
         return fail(bus, ENOTCONN, "busd is away");
     if (!is_utf8(name) || (ns != NULL && !is_utf8(ns)))
         return fail(bus, EINVAL, "the name of a node is not UTF-8");
@@ -314,8 +349,12 @@ int busd_node_create(busd_bus *bus, const char *name, const char *ns, busd_node 
     while (*end != NULL)
         end = &(*end)->next;
     *end = node;
-    int status = node->name == NULL || node->ns == NULL ? fail(bus, ENOMEM, "no memory") : declare_node(node);
-    status = status == 0 ? await(bus, &(struct waiting){.request = node->request}) : status;
+    int status = 0;
+    if (node->name == NULL || node->ns == NULL)
+        status = fail(bus, ENOMEM, "no memory");
+    else if (busd_is_connected(bus)) /* else busd's Hello declares it */
+        status = declare_node(node);
+    status = first_answer(bus, status, node->request);
     if (status == 0) {
         *place = node;
         return 0;
@@ -334,7 +373,8 @@ static void end_endpoint(struct endpoint *end)
         control_simple(end->node->bus, "end-", 1, (const char *const[]){"endpoint"}, &end->id);
     }
     end->is_closed = true;
-    end->state = REFUSED; /* nothing more about it is taken */
+    if (end->state != ASKED) /* else the answer ends it */
+        end->state = REFUSED; /* nothing more about it is taken */
 }
 
 void busd_publisher_destroy(busd_publisher *publisher)
@@ -371,6 +411,7 @@ void busd_node_destroy(busd_node *node)
         if (s->end.node == node)
             busd_subscription_destroy(s);
     bus->turns--;
+    refuse_endpoints(node); /* busd forgets them with the node */
     if (node->state == DECLARED && busd_is_connected(bus))
         control_simple(bus, "node-", 1, (const char *const[]){"node"}, &node->id);
     node->is_closed = true;
@@ -400,9 +441,14 @@ static int endpoint_begin(struct endpoint *end, busd_node *node, const char *top
 static int endpoint_declare_first(struct endpoint *end)
 {
     busd_bus *bus = end->node->bus;
-    int status = end->node->state == DECLARED && busd_is_connected(bus) ? declare_endpoint(end)
-                                                                       : fail(bus, ENOTCONN, "busd is away");
-    status = status == 0 ? await(bus, &(struct waiting){.request = end->request}) : status;
+    int status = 0;
+    if (end->node->state == REFUSED)
+        status = fail(bus, EPIPE, "busd has refused the node %s", end->node->name);
+    else if (end->node->state == DECLARED && busd_is_connected(bus))
+        status = declare_endpoint(end);
+    else /* the answer about the node declares it, if there is no wait */
+        status = fail(bus, ENOTCONN, "busd is away");
+    status = first_answer(bus, status, end->request);
     if (status < 0) {
         end->is_closed = true;
         sweep_unless_in_turn(bus);
@@ -419,6 +465,7 @@ int busd_publisher_create(busd_node *node, const char *topic, const busd_type *t
         return fail(bus, ENOMEM, "no memory");
     int status = endpoint_begin(&p->end, node, topic, type, qos, true);
     p->fd = -1;
+    p->max_message_bytes = MOST_MESSAGE; /* until busd says it */
     if (status == 0 && !room_begin(p))
         status = fail(bus, ENOMEM, "no memory for a ring");
     if (status < 0) {

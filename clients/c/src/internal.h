@@ -162,6 +162,7 @@ struct endpoint {
     uint64_t id, request;
     enum declared state;
     bool is_publisher, is_lossless, is_dirty, is_closed;
+    bool was_declared;
     uint64_t window_samples, window_bytes;
     int64_t last_ns; /* with a deadline: of the last message, or the last missed deadline; 0: none yet */
     uint64_t missed; /* deadlines */
@@ -372,6 +373,7 @@ struct busd_bus {
     struct frame *current;  /* partly sent */
     uint64_t rounds; /* of reports */
     uint64_t requests;
+    bool creates_at_once;    /* functions that create do not wait */
     struct waiting *waiting; /* the innermost call that waits for an answer */
     bool shares;            /* this process may share memory */
     struct map *readers;
@@ -395,6 +397,12 @@ struct busd_bus {
     void (*event)(void *user, const busd_event *event);
     void *user;
 };
+
+/* Whether a node or an endpoint must not be freed. A closed one stays until busd has answered: busd must forget it. */
+static inline bool is_used(const busd_bus *bus, bool is_closed, enum declared state)
+{
+    return !is_closed || (state == ASKED && bus->sock >= 0);
+}
 
 static inline int64_t now_ns(void)
 {

@@ -414,8 +414,9 @@ int busd_client_call(busd_client *client, const void *body, size_t size, busd_an
     if (client->service.call_count >= MOST_PENDING)
         return fail(client->service.node->bus, ENOBUFS,
                     "%u calls of this client have no answer yet, which is the limit", MOST_PENDING);
-    const bool is_declared = client->service.publisher->end.state == DECLARED;
-    if (is_declared && busd_client_servers(client) == 0)
+    const struct endpoint *end = &client->service.publisher->end;
+    const bool is_declared = end->state == DECLARED;
+    if ((is_declared || !end->was_declared) && busd_client_servers(client) == 0)
         return fail(client->service.node->bus, EHOSTUNREACH, "%s has no server", client->service.publisher->end.topic);
     memcpy(id.client, client->service.publisher->end.gid, sizeof id.client);
     id.number = client->numbers++; /* now, because a callback inside of the publish may call, too */

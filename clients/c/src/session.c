@@ -440,7 +440,7 @@ static void sweep_closed(busd_bus *bus)
         service_free(service);
     }
     for (busd_publisher **at = &bus->publishers, *p; (p = *at) != NULL;) {
-        if (!p->end.is_closed) {
+        if (is_used(bus, p->end.is_closed, p->end.state)) {
             at = &p->next;
             continue;
         }
@@ -448,7 +448,7 @@ static void sweep_closed(busd_bus *bus)
         publisher_free(p);
     }
     for (busd_subscription **at = &bus->subscriptions, *s; (s = *at) != NULL;) {
-        if (!s->end.is_closed) {
+        if (is_used(bus, s->end.is_closed, s->end.state)) {
             at = &s->next;
             continue;
         }
@@ -456,7 +456,7 @@ static void sweep_closed(busd_bus *bus)
         subscription_free(s);
     }
     for (busd_node **at = &bus->nodes, *node; (node = *at) != NULL;) {
-        if (!node->is_closed) {
+        if (is_used(bus, node->is_closed, node->state)) {
             at = &node->next;
             continue;
         }

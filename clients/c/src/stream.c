@@ -214,6 +214,8 @@ uint64_t stream_next_seq(busd_publisher *p)
     if (p->end.qos.durability == BUSD_TRANSIENT_LOCAL) { /* its whole history */
         p->sent_seq = p->ring.oldest - 1;
         p->credit = p->sent_seq;
+    } else if (!p->end.was_declared) { /* no subscription could match until now */
+        p->sent_seq = p->credit = p->ring.latest;
     }
     if (!p->is_streaming)
         return p->ring.latest + 1;

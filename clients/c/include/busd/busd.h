@@ -85,7 +85,7 @@ const char *busd_error(const busd_bus *bus);
 typedef enum busd_event_kind {
     BUSD_CONNECTED,          /* again, after BUSD_DISCONNECTED */
     BUSD_DISCONNECTED,
-    BUSD_REFUSED,            /* a new busd does not accept a node or an endpoint */
+    BUSD_REFUSED,            /* busd does not accept a node or an endpoint that was created before */
     BUSD_MATCHED,
     BUSD_UNMATCHED,
     BUSD_INCOMPATIBLE,       /* another endpoint of the topic does not match: type, QoS or access */
@@ -106,6 +106,12 @@ typedef struct busd_event {
 
 /* `callback` gets every later event, inside of calls of the library. */
 void busd_on_event(busd_bus *bus, void (*callback)(void *user, const busd_event *event), void *user);
+
+/* 0: functions that create a node, an endpoint, a server or a client wait for busd's answer, for up to 10 s without any
+ * sign of it. 1: from now on they return at once, also while busd is away, and busd learns of the new thing as soon as
+ * possible. Then BUSD_REFUSED tells what it refuses, and why. Messages before that go to nobody, unless the publisher
+ * is transient local. */
+void busd_create_at_once(busd_bus *bus, int is_on);
 
 /* `ns` NULL: "/". Errors: -EINVAL with busd's reason, -ENOTCONN, -ETIMEDOUT. */
 int busd_node_create(busd_bus *bus, const char *name, const char *ns, busd_node **node);

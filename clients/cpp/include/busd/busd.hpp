@@ -509,6 +509,8 @@ class bus {
         handle_.reset(handle);
         detail::check(handle, status);
     }
+    // From now on, creating waits for nothing: BUSD_REFUSED tells what busd refuses.
+    void create_at_once(bool is_on = true) { busd_create_at_once(handle_.get(), is_on); }
     node create_node(const std::string &name, const std::string &ns = "/") { return node(handle_.get(), name, ns); }
     // The graph now, with the counters of endpoints if asked. Waits for busd.
     busd::graph graph(bool with_statistics = false)
