@@ -6,6 +6,7 @@
  *     callbacks away                               waits for busd's end; a forked child has the socket, too
  *     callbacks again                              creates a publisher when it is connected again
  *     callbacks phantom                            waits for room of a publisher until it is killed
+ *     callbacks grow                               makes large rings until there is no memory
  *     callbacks at_once                            creates while busd is away, and is heard by the next busd
  *     callbacks reply|call                         wait for SIGUSR1 after busd's end, and find it by a reply or call
  */
@@ -515,6 +516,22 @@ static void make_with_bad_names(void)
     show(std_msgs__msg__String__publish(publisher, &message));
 }
 
+static void use_all_memory(void)
+{
+    static unsigned char message[4 << 20];
+    char topic[16];
+    for (int i = 0; i < 16; i++) {
+        snprintf(topic, sizeof topic, "/t%d", i);
+        need(busd_publisher_create(node, topic, &std_msgs__msg__String__type, NULL, &publisher));
+        const int status = busd_publish(publisher, message, sizeof message);
+        if (status < 0) {
+            show(status);
+            break;
+        }
+        printf("ring %d\n", i);
+    }
+}
+
 /* More subscriptions, one after the other, than a process has slots for readers. */
 static void use_all_slots(void)
 {
@@ -746,6 +763,7 @@ static const struct {
     {"names", make_with_bad_names}, {"slots", use_all_slots}, {"ping", ping}, {"away", wait_without_busd},
     {"again", make_again}, {"reply", reply_twice}, {"call", call_in_call}, {"warm", stay_warm},
     {"poll", use_own_loop}, {"alive", be_alive}, {"at_once", create_at_once},
+    {"grow", use_all_memory},
 };
 
 int main(int argc, char **argv)

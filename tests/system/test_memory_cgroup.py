@@ -15,6 +15,7 @@ from pathlib import Path
 
 import pytest
 
+import c_programs
 from chaos import cgroup as cgroups
 from conftest import WAIT_S, Daemon
 from neighbours import wait_until
@@ -150,3 +151,17 @@ def test_no_folder_of_shared_memory_is_needed(route: str, daemon: Daemon, change
     assert not done.returncode, done.stderr
     assert json.loads(done.stdout) == [list(range(60)), {}, ""]
     assert done.stderr == ""
+
+
+@pytest.mark.parametrize("route", ["shm"], indirect=True)
+def test_a_publisher_in_c(route: str, cgroup: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Each ring takes 32 MiB. The kernel kills nothing; the first ring without memory is an error."""
+    program = c_programs.build_once(tmp_path_factory) / "callbacks"
+    enter = f"import os, sys; open({str(cgroup / 'cgroup.procs')!r}, 'w').write(str(os.getpid())); "
+    words = [sys.executable, "-c", enter + "os.execv(sys.argv[1], sys.argv[1:])", str(program), "grow"]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=WAIT_S, check=False)
+    assert done.returncode == 0, done.stderr
+    *made, refused, _ = done.stdout.splitlines()
+    assert made == [f"ring {number}" for number in range(len(made))]
+    assert 1 <= len(made) <= 3
+    assert refused == f"-12: /t{len(made)}: no memory for a ring for a message of 4194304 bytes"
