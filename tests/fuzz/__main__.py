@@ -29,6 +29,7 @@ PROGRAMS = {
     "ring": "fuzz_ring",
     "gates": "fuzz_gates",
     "records": "fuzz_records",
+    "c_client": "fuzz_client",
     **dict.fromkeys(OF_THE_CORE, "fuzz_core"),
 }
 """Fuzzers for targets with code in C; only there the fuzzer sees the coverage."""
@@ -39,6 +40,7 @@ LONGEST_BYTES = {
     "reader": 400,
     "discovery_servers": 400,
     "control": 2000,
+    "c_client": 2000,
     "ring": 512,
     "gates": 512,
 }

@@ -52,7 +52,7 @@ TARGETS: dict[str, Target] = {
     "payloads": cdr_targets.payloads,
     "bag_definitions": cdr_targets.bag_definitions,
 }
-NATIVE = ("ring", "gates", "records")
+NATIVE = ("ring", "gates", "records", "c_client")
 """The targets in C, in tests/native; `make native` runs their kept inputs."""
 
 OF_THE_CORE = ("reader", "packs", "plans")
