@@ -53,6 +53,21 @@ async def test_it_passes_every_story(programs: Path, monkeypatch: pytest.MonkeyP
     assert outcomes["growth"][1] == "5 samples returned by shm and shm; texts of up to 1000000 bytes"
 
 
+async def test_the_examples(node: bus.Node, programs: Path, tmp_path: Path, route: str) -> None:
+    """clients/c/examples: one talks to the other, and a node of the library hears it."""
+    subscription = await node.create_subscription(String, "/chatter", 10)
+    async with (
+        running_command(tmp_path, programs / "listener", "/chatter") as listener,
+        running_command(tmp_path, programs / "talker", "/chatter") as talker,
+    ):
+        text = (await subscription.receive())[0].data
+        await listener.line(r"Hello World: \d+")
+        assert text.startswith("Hello World: ")
+        for program in (talker, listener):
+            program.process.send_signal(signal.SIGTERM)
+            assert await program.end() == 0, program.lines
+
+
 @pytest.fixture(scope="session")
 def prefix(programs: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The client of a wheel, installed as the page says."""
