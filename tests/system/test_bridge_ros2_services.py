@@ -238,7 +238,7 @@ async def test_the_verbs_of_bus_reach_a_node_of_rclpy(
         await ask(far, "serve_action", action="/count", type_name=FIBONACCI)
         await until(lambda: side.bus("service", "info", "/theirs").out.endswith("Services count: 1\n"))
         assert "names=['a']" in side.bus("service", "call", "/theirs", LIST, "{depth: 3}").out
-        assert far.heard["/theirs"][0]["depth"] == 3
+        await until(lambda: [one["depth"] for one in far.heard["/theirs"]] == [3])
         await until(lambda: side.bus("action", "list").out == "/count\n/long\n")
         assert "/ros_node_actions" in side.bus("action", "info", "/count").out
 
