@@ -10,6 +10,7 @@ from typing import Any
 import msgspec
 
 from bus.delivery.receiver import Receiver
+from bus.delivery.sequence import PublisherProxy
 from bus.wire.layout import MAX_COUNT
 from bus.wire.messages import Dropped
 
@@ -30,7 +31,8 @@ class SubscriptionStatistics(msgspec.Struct, frozen=True):
     """Messages in this process that wait to be taken."""
     dropped: dict[str, int]
     """Messages lost, by reason: replaced (by the depth), publisher_queue (by the publisher's depth), expired,
-    too_large, undecodable, memory_limit, disconnected (while busd was away)."""
+    too_large, undecodable, memory_limit, disconnected (while busd was away). After a lost connection, a history
+    may bring messages that a queue had dropped: these no longer count."""
     publishers: int
     """Publishers matched now."""
     expected: int = 0
@@ -79,6 +81,21 @@ class DropCounters:
         self._reported_before = _sum(self._reported_before, self._reported)
         self._reported = {}
         self._received_before = self._receiver.tracker.received
+
+    def matched(self, proxy: PublisherProxy) -> bool:
+        """Note a match after a lost connection: dropped samples that may come again are no longer lost.
+
+        Returns whether there are any.
+        """
+        tracker, before = self._receiver.tracker, self._reported_before
+        left = claimed = tracker.claim_ahead(proxy)
+        for reason, count in tuple(before.items()) if claimed else ():
+            some = min(left, count)
+            left -= some
+            before[reason] = count - some
+            tracker.explain_ahead(reason, some)
+        self._reported_before = {reason: count for reason, count in before.items() if count}
+        return claimed > 0
 
     @property
     def dropped(self) -> dict[str, int]:

@@ -239,6 +239,21 @@ class SequenceTracker(dict[int, PublisherProxy]):
             self._on_lost(DropReason.DISCONNECTED, left)
         return lost
 
+    def claim_ahead(self, proxy: PublisherProxy) -> int:
+        """The number of reported drops of the last broker that `proxy`, just matched, may bring again.
+
+        A queue dropped them, and the publisher's history or a resend may have them. They count no longer as
+        dropped: the caller passes them to `explain_ahead`.
+        """
+        missing = sum(returned_seq - routed_seq - 1 for routed_seq, returned_seq in proxy.gaps)
+        claimed = min(missing, self._reported_ahead) if proxy.may_repeat else 0
+        self._reported_ahead -= claimed
+        return claimed
+
+    def explain_ahead(self, reason: str, count: int) -> None:
+        """Note the reason of drops from `claim_ahead`: those that do not come again are found missing."""
+        self._reasons[reason] = self._reasons.get(reason, 0) + count
+
     def note_received(self, gid: bytes, received_seq: int | None) -> None:
         """Note the last number received of an unmatched publisher, taken from its ring."""
         if received_seq is not None:

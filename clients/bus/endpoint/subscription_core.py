@@ -305,6 +305,8 @@ class SubscriptionCore(EndpointCore[M]):
                     left = self._left_brokers.pop(message.gid, self._left_broker)
                     is_new_broker = self.link.broker != left
                     proxy = tracker.match(message, received_seq, self.qos, is_new_broker=is_new_broker)
+                    if self.counters.matched(proxy):
+                        self._report_lost()
                 tracker[other] = proxy
                 super().handle(message)
                 if rings is not None and message.route == Route.SHM:
@@ -429,8 +431,8 @@ class SubscriptionCore(EndpointCore[M]):
         if callback is not None:
             reasons = self.counters.dropped
             total = sum(reasons.values())
-            if total > self._lost_reported:
-                change, self._lost_reported = total - self._lost_reported, total
+            change, self._lost_reported = total - self._lost_reported, total
+            if change > 0:  # less than before: some may come again after a lost connection
                 self.notify(callback, MessageLost(total, change, reasons))
 
     def _report_liveliness(self, event: LivelinessChanged) -> None:

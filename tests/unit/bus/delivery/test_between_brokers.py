@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from bus import shm
+from bus.events import SubscriptionEvents
 from bus.qos import QoSProfile
 from bus.subscription import Subscription
 from bus.wire import messages as m
@@ -113,3 +114,42 @@ def test_what_a_publisher_that_has_gone_wrote_into_another_ring_meanwhile_is_cou
     assert numbers(listener, subscription) == [1, 2, 3]
     world.advance(10)
     assert losses(subscription) == {"disconnected": 1}
+
+
+@pytest.mark.parametrize("later", [0, 4])
+def test_what_a_queue_dropped_just_before_a_cut_may_come_again_with_the_history(later: int) -> None:
+    """The report of the drops came, and the samples behind them did not. `later`: published meanwhile."""
+    world = ClientWorld()
+    talkers, listener = [world.client(), world.client()], world.client()
+    lost: list[int] = []
+    subscription = listener.subscription(QoSProfile(3, durability="transient_local"))
+    subscription._core.events = SubscriptionEvents(message_lost=lambda event: lost.append(event.total_count))
+    publishers = [one.publisher(QoSProfile(20, durability="transient_local")) for one in talkers]
+    world.settle()
+    for talker, publisher in zip(talkers, publishers, strict=True):
+        talker.publish(publisher)
+    world.settle()
+    assert listener.take(subscription) == [(2, 1), (3, 1)]
+    connection = listener.connection
+    assert connection is not None
+    connection.read = lambda: None  # type: ignore[method-assign]  # the queue of three has to last for six
+    for talker, publisher in zip(talkers, publishers, strict=True):
+        talker.publish(publisher, 3)
+        world.settle()
+    world.advance(0.2)
+    frame = connection.outbox.control.popleft()
+    assert isinstance(frame, bytes)
+    connection.arrived.append((frame, ()))
+    world.settle()
+    assert losses(subscription) == {"replaced": 3}
+    listener.hang_up()
+    talkers[0].publish(publishers[0], later)
+    world.settle()
+    listener.connect()
+    world.settle()
+    first = later + 2
+    found = [(2, number) for number in range(first, first + 3)], [(3, number) for number in (2, 3, 4)]
+    assert listener.take(subscription) == [*found[0], *found[1]]
+    assert sum(losses(subscription).values()) == later
+    assert subscription.statistics().expected == 8 + later
+    assert lost[-1] == (later or 3)
