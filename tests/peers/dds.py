@@ -20,6 +20,7 @@ from bus.schema import MessageSchema
 from bus_bridge.batch import Batch, Loose, Sample
 from bus_bridge.dds import raw
 from bus_bridge.dds.engine import DdsEngine
+from bus_bridge.dds.node_topic import info_type
 from bus_bridge.dds.options import DdsOptions
 from bus_bridge.dds.participant import configuration
 from bus_bridge.dds.rtps_topics import RtpsCarrier
@@ -182,6 +183,11 @@ class Alone:
     def reader(self, topic: str, *policies: Any) -> Any:
         qos = Qos(*(policies or (Policy.Reliability.Reliable(0), Policy.History.KeepAll)), self.user_data)
         return DataReader(self.participant, self.topic(f"rt{topic}"), qos)
+
+    def info_reader(self, size: int) -> DataReader:
+        """A reader of `ros_discovery_info` in the form with gids of `size` bytes."""
+        latched = Policy.Reliability.Reliable(0), Policy.Durability.TransientLocal, Policy.History.KeepAll
+        return DataReader(self.participant, self.topic("ros_discovery_info", info_type(size)), Qos(*latched))
 
     def close(self) -> None:
         raw.delete(self.participant)

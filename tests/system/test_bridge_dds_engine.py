@@ -320,7 +320,7 @@ async def test_another_reader_takes_over_without_loss(bridge: Bridge, alone: Alo
 
 
 async def test_nodes_of_this_bus_are_told_and_go(bridge: Bridge, alone: Alone) -> None:
-    reader = _info_reader(alone, 16)
+    reader = alone.info_reader(16)
     writer = bridge.publish("/chatter")
     withdraw = bridge.listen("/back")
     said: list[list[NodeEntities]] = []
@@ -339,11 +339,6 @@ async def test_nodes_of_this_bus_are_told_and_go(bridge: Bridge, alone: Alone) -
     await until(lambda: nodes() == [])
 
 
-def _info_reader(alone: Alone, size: int) -> Any:
-    topic = alone.topic("ros_discovery_info", info_type(size))
-    return DataReader(alone.participant, topic, Qos(*_LATCHED[:2], Policy.History.KeepAll))
-
-
 @contextmanager
 def info_writer(alone: Alone, size: int, user_data: bytes) -> Iterator[Any]:
     topic = alone.topic("ros_discovery_info", info_type(size))
@@ -355,7 +350,7 @@ def info_writer(alone: Alone, size: int, user_data: bytes) -> Iterator[Any]:
 async def test_humble_is_understood_and_answered(bridge: Bridge, alone: Alone) -> None:
     guid = alone.participant.guid.bytes
     chatter = alone.writer("/chatter")
-    reader = _info_reader(alone, 24)
+    reader = alone.info_reader(24)
     with info_writer(alone, 24, b"") as writer:
         info = encode(guid, [NodeEntities("/old", "humble", (), (chatter.guid.bytes,))], 24)
         assert raw.writer_of(writer)(info, time.time_ns()) == 0
