@@ -31,8 +31,8 @@ class SubscriptionStatistics(msgspec.Struct, frozen=True):
     """Messages in this process that wait to be taken."""
     dropped: dict[str, int]
     """Messages lost, by reason: replaced (by the depth), publisher_queue (by the publisher's depth), expired,
-    too_large, undecodable, memory_limit, disconnected (while busd was away). After a lost connection, a history
-    may bring messages that a queue had dropped: these no longer count."""
+    too_large, undecodable, memory_limit, disconnected (while busd was away). After a lost connection, a
+    history may bring messages that a queue had dropped: these no longer count."""
     publishers: int
     """Publishers matched now."""
     expected: int = 0
