@@ -95,8 +95,8 @@ _NOTES = [
     "callback where nothing else is said; floods of all systems take as long at least, not as many messages",
     "codec alone: construct, encode and decode the same messages in one process, with nothing in between; "
     "the C programs hand over bytes, and make no str of them",
-    "best rival: the one with the best median of those that lost nothing; who polls is compared with who "
-    "polls, who waits for events with who does",
+    "best rival: of the systems that lost nothing, the one with the best median; polling systems are "
+    "compared with polling ones, event-driven ones with event-driven ones",
     f"{TUNED}, and busd, rclpy, and rclpy, Fast DDS: as for latency",
 ]
 

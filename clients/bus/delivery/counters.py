@@ -88,14 +88,16 @@ class DropCounters:
         Returns whether there are any.
         """
         tracker, before = self._receiver.tracker, self._reported_before
-        left = claimed = tracker.claim_ahead(proxy)
-        for reason, count in tuple(before.items()) if claimed else ():
+        left = tracker.claim_ahead(proxy)
+        if not left:
+            return False
+        for reason, count in before.items():
             some = min(left, count)
             left -= some
             before[reason] = count - some
             tracker.explain_ahead(reason, some)
         self._reported_before = {reason: count for reason, count in before.items() if count}
-        return claimed > 0
+        return True
 
     @property
     def dropped(self) -> dict[str, int]:

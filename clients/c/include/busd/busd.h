@@ -204,8 +204,9 @@ typedef void busd_serve(void *user, busd_server *server, const busd_call *call, 
 int busd_server_create(busd_node *node, const char *name, const busd_service_type *type, const busd_qos *qos,
                        busd_serve *serve, void *user, busd_server **server);
 
-/* Replies to a call, once; or ends it with an error, whose reason the client gets; bytes of the reason that are not
- * UTF-8 become `?`. -ENOENT: it has its reply, or has ended with an error, because 10,000 later calls have none. */
+/* Replies to a call, once. busd_reply_error() ends the call with an error instead: the client gets the reason, with `?`
+ * for bytes that are not UTF-8. -ENOENT: the call has its reply, or it has ended with an error, because 10,000 later
+ * calls have no reply. */
 int busd_reply(busd_server *server, const busd_call *call, const void *body, size_t size);
 int busd_reply_error(busd_server *server, const busd_call *call, const char *reason);
 
