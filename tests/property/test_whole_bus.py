@@ -30,6 +30,13 @@ from effort import examples
 STORIES = int(os.environ.get("BUSD_TESTS_STORIES", "0"))
 """The number of random stories to play; 0: always the same stories."""
 
+PLAYED = settings(
+    max_examples=STORIES or examples(180),
+    derandomize=not STORIES,
+    database=None,
+    suppress_health_check=[HealthCheck.too_slow],
+)
+
 Step: TypeAlias = tuple[Any, ...]
 LOSSLESS = QoSProfile(history="keep_all")
 PROFILES = [
@@ -73,6 +80,7 @@ calm = [
     st.tuples(st.just("refuse"), numbers, numbers),
     st.tuples(st.just("choke"), numbers),
     st.tuples(st.just("block"), numbers),
+    st.tuples(st.just("trickle"), numbers, st.integers(1, 4)),
     st.tuples(st.just("advance"), st.sampled_from([0.001, 0.03, 1.0, 11.0])),
 ]
 cuts = [
@@ -220,6 +228,13 @@ class Story:
                 connection.unblock()
             else:
                 connection.is_blocked = True
+
+    def trickle(self, at: int, frames: int) -> None:
+        """A full socket takes some of the frames."""
+        connection = pick(self.clients, at).connection
+        if connection is not None and connection.is_blocked and not connection.has_ended:
+            for _ in range(frames):
+                connection.trickle()
 
     def hang_up(self, at: int) -> None:
         client = pick(self.clients, at)
@@ -419,12 +434,7 @@ def test_each_message_is_accounted_for_once(
 ) -> None:
     monkeypatch.setattr(provoked, "_is_within_bounds", lambda *_: True)  # their bounds are per event loop
 
-    @settings(
-        max_examples=STORIES or examples(180),
-        derandomize=not STORIES,
-        database=None,
-        suppress_health_check=[HealthCheck.too_slow],
-    )
+    @PLAYED
     @given(beginnings, st.sampled_from([None, NARROW]), st.lists(st.one_of(steps), max_size=40))
     def play(beginning: Beginning, limits: Limits | None, story: list[Step]) -> None:
         played = kind(beginning, limits=limits)
@@ -443,12 +453,7 @@ def test_it_is_with_bridges_too(kind: type[Story], steps: list[Any], monkeypatch
     """Some clients come from other buses, with mirrors and taps; endpoints that return keep their gids."""
     monkeypatch.setattr(provoked, "_is_within_bounds", lambda *_: True)
 
-    @settings(
-        max_examples=STORIES or examples(180),
-        derandomize=not STORIES,
-        database=None,
-        suppress_health_check=[HealthCheck.too_slow],
-    )
+    @PLAYED
     @given(
         beginnings,
         bridgings,
@@ -469,12 +474,7 @@ def test_lossless_streams_by_both_routes_when_the_bus_comes_back(monkeypatch: py
     monkeypatch.setattr(provoked, "_is_within_bounds", lambda *_: True)
     subscriptions = [(0, LOSSLESS), (1, LOSSLESS)]
 
-    @settings(
-        max_examples=STORIES or examples(180),
-        derandomize=not STORIES,
-        database=None,
-        suppress_health_check=[HealthCheck.too_slow],
-    )
+    @PLAYED
     @given(
         st.sampled_from([[False, True, True], [False, False, True], [False, False, False]]),
         st.sampled_from([None, NARROW]),
@@ -482,6 +482,22 @@ def test_lossless_streams_by_both_routes_when_the_bus_comes_back(monkeypatch: py
     )
     def play(shares: list[bool], limits: Limits | None, story: list[Step]) -> None:
         played = LastingStory((shares, subscriptions, [(2, LOSSLESS)]), limits=limits)
+        with told(played):
+            played.play(story)
+
+    play()
+
+
+def test_what_was_dropped_before_a_cut_and_comes_again_counts_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By socket: queues replace messages, and histories bring them again."""
+    monkeypatch.setattr(provoked, "_is_within_bounds", lambda *_: True)
+    kept = [QoSProfile(depth, durability="transient_local") for depth in (1, 3, 20)]
+    ends = st.lists(st.tuples(numbers, st.sampled_from([*kept, QoSProfile(3)])), min_size=1, max_size=2)
+
+    @PLAYED
+    @given(st.tuples(st.just([False] * 3), ends, ends), st.lists(st.one_of([*calm, *cuts]), max_size=40))
+    def play(beginning: Beginning, story: list[Step]) -> None:
+        played = LastingStory(beginning)
         with told(played):
             played.play(story)
 

@@ -125,18 +125,18 @@ async def test_a_snapshot_with_statistics_is_the_librarys(
         await talker.line("published")
         while (await subscription.receive())[0].data != "8 ":
             pass
-        async with asyncio.timeout(10):  # until both processes have reported
+        async with asyncio.timeout(10):  # until both processes have reported, and nothing changes meanwhile
             while True:
                 wanted = graph_in_c(await node.graph(statistics=True))
+                async with running_command(tmp_path, programs / "graph", "counted") as program:
+                    assert await program.end() == 0, program.lines
                 samples = [
                     one[7][0] for one in (*wanted["publishers"], *wanted["subscriptions"]) if one[2] == "/t"
                 ]
                 dropped = wanted["subscriptions"][0][7][4]
-                if samples == [9, 9 - dropped]:
+                is_complete = samples == [9, 9 - dropped]
+                if is_complete and graph_in_c(await node.graph(statistics=True)) == wanted:
                     break
-                await asyncio.sleep(0.05)
-        async with running_command(tmp_path, programs / "graph", "counted") as program:
-            assert await program.end() == 0, program.lines
         await talker.finish()
     assert json.loads(program.lines[0]) == wanted
     assert wanted["subscriptions"][0][7][-1]  # a histogram of ages

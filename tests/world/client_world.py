@@ -166,6 +166,21 @@ class Connection(broker_world.Process):
         while (taken := self.outbox.take())[1]:
             self.arrived.append((b"".join(taken[0]), _copies(taken[2])))
 
+    def trickle(self) -> None:
+        """Read one queued frame: a full socket has room for no more. Control frames come first."""
+        outbox = self.outbox
+        if outbox.control:
+            if isinstance(frame := outbox.control[0], bytes):  # not with descriptors
+                outbox.control.popleft()
+                outbox.account.charge(-len(frame))
+                self.arrived.append((frame, ()))
+        elif outbox.ready:
+            queue = outbox.ready[0]
+            self.arrived.append((b"".join(queue.pop_frame()), ()))
+            if not queue.runs:
+                outbox.ready.popleft()
+                queue.is_ready = False
+
     def hear(self, data: bytes) -> list[m.LeaveRing]:
         self.arrived.append((bytes(data), ()))
         return []

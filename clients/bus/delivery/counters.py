@@ -111,6 +111,7 @@ class DropCounters:
         return _sum(
             self._receiver.dropped,
             self._reported_before,
+            self._receiver.tracker.absent(self._reported_total),
             {self._receiver.lapped_reason: lapped} if lapped else {},
         )
 
@@ -123,7 +124,8 @@ class DropCounters:
     @property
     def expected_here(self) -> int:
         """The part of `expected` that the present broker did not route."""
-        return min(self._by_other_ways + self._lapped + self._received_before, MAX_COUNT)
+        absent = sum(self._receiver.tracker.absent(self._reported_total).values())
+        return min(self._by_other_ways + absent + self._lapped + self._received_before, MAX_COUNT)
 
     @property
     def _by_other_ways(self) -> int:

@@ -8,7 +8,7 @@ losses.
 from collections import deque
 from collections.abc import Callable
 
-from bus.qos import Durability, QoSProfile
+from bus.qos import Durability, History, QoSProfile
 from bus.vocabulary import DropReason, Route
 from bus.wire.bounds import MOST_REMEMBERED
 from bus.wire.layout import MAX_COUNT
@@ -29,6 +29,7 @@ class PublisherProxy:
         "gid",
         "is_new",
         "is_rerouted",
+        "kept",
         "last_seq",
         "lifespan_ns",
         "may_repeat",
@@ -62,6 +63,9 @@ class PublisherProxy:
         # Samples published while it was away, as pairs of numbers (the last before, the first after), until a
         # later run comes:
         self.gaps: tuple[tuple[int, int], ...] = ()
+        # The most samples of its history that the broker may have dropped in an earlier connection, and gets
+        # again:
+        self.kept = 0
         self.taken_seq = self.acked_seq = last_seq
         self.unacked_bytes = 0
 
@@ -103,6 +107,7 @@ class SequenceTracker(dict[int, PublisherProxy]):
         self._skipped = 0  # the broker has dropped them
         self._perhaps_skipped = 0  # the broker has dropped them, or they only went to other readers of rings
         self._rerouted = 0  # the broker has dropped them, or the ring had dropped them before
+        self._resent = 0  # the broker has dropped them from a history, or the history lacked them
         self._reported_ahead = 0  # drops of the last broker with numbers above the last received one
         self._lost_at_end: dict[bytes, int] = {}  # of departed publishers, by gid
         # For each gid: the part of `_perhaps_skipped` before the first received sample, and the number of
@@ -143,6 +148,8 @@ class SequenceTracker(dict[int, PublisherProxy]):
         has_history = matched.qos.durability is Durability.TRANSIENT_LOCAL
         is_volatile = not has_history or qos.durability is Durability.VOLATILE
         proxy.may_repeat |= not is_volatile
+        if has_history:
+            proxy.kept = matched.qos.depth if matched.qos.history is History.KEEP_LAST else MAX_COUNT
         if received_seq is None:
             if has_history and not is_volatile and matched.next_seq > 1:
                 proxy.replayed_seq = 0
@@ -178,13 +185,14 @@ class SequenceTracker(dict[int, PublisherProxy]):
         ends = {
             proxy.gid: proxy.routed_seq - proxy.last_seq
             for proxy in self.values()
-            if proxy.number in gone and proxy.routed_seq > proxy.last_seq and not proxy.may_repeat
+            if proxy.number in gone
+            and proxy.routed_seq > proxy.last_seq
+            and not (proxy.may_repeat or proxy.kept)  # else they may come again if it returns
         }
         # Matched publishers come last: the bound forgets departed ones first.
         self._remember(sorted(self.values(), key=lambda proxy: proxy.number not in gone))
         self.clear()
         self._gone.clear()
-        self._reasons.clear()
         # A departed publisher sends nothing more. So the missing samples of its end are lost now. They must
         # not explain missing samples of another publisher, and must not count a second time.
         for gid, count in ends.items():
@@ -192,29 +200,36 @@ class SequenceTracker(dict[int, PublisherProxy]):
             self._lost_at_end[gid] = self._lost_at_end.pop(gid, 0) + count
         for gid in [*self._lost_at_end][:-MOST_REMEMBERED]:
             del self._lost_at_end[gid]
-        if lapped := self.lapped(reported):
+        absent, lapped = self._absent(reported), self.lapped(reported)
+        self._lose(absent)
+        self._reasons.clear()
+        if lapped:
             self.lost_between += lapped
             self._on_lost(lapped_reason, lapped)
         unreported = self._skipped - reported
-        self._unexplained = 0
+        self._unexplained = absent
         self._unsure, self._beginnings = self._beginnings, {}
         self._unsure_count, self._perhaps_skipped = self._perhaps_skipped, 0
-        self._reported_besides = max(0, -unreported - self._rerouted)
+        self._reported_besides = max(0, -unreported - self._rerouted - self._resent)
         if unreported > 0:
-            self._unexplained = self.lose_while_away(unreported)
+            self._unexplained += self.lose_while_away(unreported)
         else:
             self._reported_ahead += max(0, self._reported_besides - self._unsure_count)
-        self._skipped = self._rerouted = self.repeated = 0
+        self._skipped = self._rerouted = self._resent = self.repeated = 0
 
     @property
     def missing(self) -> int:
         """Missing numbers among the samples of the present broker, wherever they were lost."""
-        return self._skipped + self._rerouted
+        return self._skipped + self._rerouted + self._resent
 
     def lapped(self, reported: int) -> int:
-        """The part of `missing` that the broker did not drop: a ring dropped it before its match changed to
-        the socket route."""
-        return min(self._rerouted, max(0, self.missing - reported))
+        """The part of `missing` that a ring dropped before its match changed to the socket route."""
+        return min(self._rerouted, max(0, self._skipped + self._rerouted - reported))
+
+    def absent(self, reported: int) -> dict[str, int]:
+        """The part of `missing` that was published while the subscription was away, and that the publisher's
+        history lacked: by reason."""
+        return self._reasons_of(self._absent(reported))
 
     def lose_while_away(self, count: int, gid: bytes | None = None) -> int:
         """Count `count` samples of publisher `gid` as lost between two connections.
@@ -223,20 +238,10 @@ class SequenceTracker(dict[int, PublisherProxy]):
         of that broker. Returns the number counted.
         """
         if gid is not None:
-            count -= min(count, self._lost_at_end.pop(gid, 0))
+            count -= self._known_at_end(gid, count)
         lost = count - min(self._reported_ahead, count)
         self._reported_ahead -= count - lost
-        if not lost:
-            return 0
-        self.lost_between += lost
-        left = lost
-        for reason, known in self._reasons.items():
-            self._reasons[reason] = known - min(known, left)
-            if some := min(known, left):
-                left -= some
-                self._on_lost(reason, some)
-        if left:
-            self._on_lost(DropReason.DISCONNECTED, left)
+        self._lose(lost)
         return lost
 
     def claim_ahead(self, proxy: PublisherProxy) -> int:
@@ -246,7 +251,7 @@ class SequenceTracker(dict[int, PublisherProxy]):
         dropped: the caller passes them to `explain_ahead`.
         """
         missing = sum(returned_seq - routed_seq - 1 for routed_seq, returned_seq in proxy.gaps)
-        claimed = min(missing, self._reported_ahead) if proxy.may_repeat else 0
+        claimed = min((missing if proxy.may_repeat else 0) + proxy.kept, self._reported_ahead)
         self._reported_ahead -= claimed
         return claimed
 
@@ -326,6 +331,31 @@ class SequenceTracker(dict[int, PublisherProxy]):
         proxy.is_new &= run.is_replay
         return True
 
+    def _known_at_end(self, gid: bytes, count: int) -> int:
+        """The part of `count` missing samples of a returned publisher that was lost with its end before."""
+        return min(count, self._lost_at_end.pop(gid, 0)) if count else 0
+
+    def _absent(self, reported: int) -> int:
+        return min(self._resent, max(0, self.missing - reported))
+
+    def _reasons_of(self, count: int) -> dict[str, int]:
+        """Reasons of `count` missing samples, as far as they are known."""
+        found = dict[str, int]()
+        for reason, known in self._reasons.items():
+            if some := min(known, count):
+                found[reason] = some
+                count -= some
+        if count:
+            found[DropReason.DISCONNECTED] = found.get(DropReason.DISCONNECTED, 0) + count
+        return found
+
+    def _lose(self, count: int) -> None:
+        self.lost_between += count
+        for reason, some in self._reasons_of(count).items():
+            if reason in self._reasons:
+                self._reasons[reason] = max(0, self._reasons[reason] - some)
+            self._on_lost(reason, some)
+
     def _remember(self, proxies: list[PublisherProxy]) -> None:
         for one in proxies:
             last_seq = one.last_seq if one.replayed_seq is None else one.replayed_seq
@@ -344,7 +374,10 @@ class SequenceTracker(dict[int, PublisherProxy]):
         for routed_seq, returned_seq in proxy.gaps:
             gone += max(0, min(returned_seq, first_seq) - max(routed_seq, proxy.last_seq) - 1)
         proxy.gaps = tuple(gap for gap in proxy.gaps if first_seq < gap[1])
-        self.lose_while_away(gone, proxy.gid)
+        if proxy.may_repeat:  # the broker may have had them again, and dropped them
+            self._resent += gone - self._known_at_end(proxy.gid, gone)
+        else:
+            self.lose_while_away(gone, proxy.gid)
         return gone
 
     def _cut_repeated(self, run: Run, received_seq: int) -> bool:

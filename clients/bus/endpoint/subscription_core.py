@@ -242,7 +242,7 @@ class SubscriptionCore(EndpointCore[M]):
             self._arrivals.release()
         if self.deadline is not None:
             self.deadline.last_ns = monotonic_ns()
-        if self.rings is not None and self.events.message_lost is not None:
+        if self.events.message_lost is not None:
             # To add up all counters takes fifteen calls; most messages come without a loss.
             lost = self.receiver.lost_silently
             if lost != self._lost_silently:

@@ -14,11 +14,12 @@ from bus.events import SubscriptionEvents
 from bus.qos import QoSProfile
 from bus.subscription import Subscription
 from bus.wire import messages as m
-from client_world import Client, ClientWorld
+from client_world import Client, ClientWorld, Connection
 
 pytestmark = pytest.mark.skipif(not shm.is_available(), reason=shm.why_not())
 
-LAST_10 = QoSProfile(10)
+LAST_3, LAST_10 = QoSProfile(3), QoSProfile(10)
+KEPT_3, KEPT_20 = (QoSProfile(depth, durability="transient_local") for depth in (3, 20))
 LARGE = "x" * (3 << 20)
 """A text longer than the first ring."""
 
@@ -116,30 +117,33 @@ def test_what_a_publisher_that_has_gone_wrote_into_another_ring_meanwhile_is_cou
     assert losses(subscription) == {"disconnected": 1}
 
 
+def blocked(client: Client) -> Connection:
+    """The connection of `client`, which takes nothing from now on."""
+    assert client.connection is not None
+    client.connection.is_blocked = True
+    return client.connection
+
+
 @pytest.mark.parametrize("later", [0, 4])
 def test_what_a_queue_dropped_just_before_a_cut_may_come_again_with_the_history(later: int) -> None:
     """The report of the drops came, and the samples behind them did not. `later`: published meanwhile."""
     world = ClientWorld()
     talkers, listener = [world.client(), world.client()], world.client()
     lost: list[int] = []
-    subscription = listener.subscription(QoSProfile(3, durability="transient_local"))
+    subscription = listener.subscription(KEPT_3)
     subscription._core.events = SubscriptionEvents(message_lost=lambda event: lost.append(event.total_count))
-    publishers = [one.publisher(QoSProfile(20, durability="transient_local")) for one in talkers]
+    publishers = [one.publisher(KEPT_20) for one in talkers]
     world.settle()
     for talker, publisher in zip(talkers, publishers, strict=True):
         talker.publish(publisher)
     world.settle()
     assert listener.take(subscription) == [(2, 1), (3, 1)]
-    connection = listener.connection
-    assert connection is not None
-    connection.read = lambda: None  # type: ignore[method-assign]  # the queue of three has to last for six
+    connection = blocked(listener)  # the queue of three has to last for six
     for talker, publisher in zip(talkers, publishers, strict=True):
         talker.publish(publisher, 3)
         world.settle()
     world.advance(0.2)
-    frame = connection.outbox.control.popleft()
-    assert isinstance(frame, bytes)
-    connection.arrived.append((frame, ()))
+    connection.trickle()
     world.settle()
     assert losses(subscription) == {"replaced": 3}
     listener.hang_up()
@@ -153,3 +157,92 @@ def test_what_a_queue_dropped_just_before_a_cut_may_come_again_with_the_history(
     assert sum(losses(subscription).values()) == later
     assert subscription.statistics().expected == 8 + later
     assert lost[-1] == (later or 3)
+
+
+def test_a_history_that_comes_after_a_cut_and_is_dropped_by_a_queue_counts_once() -> None:
+    """The numbers are missing, as if the history lacked them, and busd reports them as dropped, too."""
+    world = ClientWorld()
+    listener, talker = world.client(), world.client()
+    subscription = listener.subscription(KEPT_3)
+    publisher = talker.publisher(KEPT_3)
+    world.settle()
+    talker.publish(publisher, 3)
+    listener.hang_up()
+    world.settle()
+    listener.connect()
+    talker.publish(publisher, 3)
+    talker.publish(publisher, 2)
+    listener.serve()
+    connection = blocked(listener)
+    world.settle()
+    connection.unblock()
+    world.advance(1)
+    assert numbers(listener, subscription) == [5, 6, 7, 8]
+    assert losses(subscription) == {"replaced": 4}
+    assert subscription.statistics().expected == 8
+
+
+@pytest.mark.parametrize("qos", [LAST_3, KEPT_3], ids=["volatile", "transient local"])
+def test_what_a_busd_dropped_before_it_was_killed_may_come_again(qos: QoSProfile) -> None:
+    """The publisher gives its history to the new busd, which has it for every subscription of before."""
+    world = ClientWorld()
+    talker, listener = world.client(), world.client()
+    subscription, publisher = listener.subscription(qos), talker.publisher(KEPT_20)
+    world.settle()
+    connection = blocked(listener)
+    talker.publish(publisher, 6)
+    world.advance(1)
+    connection.trickle()
+    world.settle()
+    assert losses(subscription) == {"replaced": 3}
+    world.restart_broker()
+    world.connect_all()
+    world.advance(1)
+    assert numbers(listener, subscription) == [4, 5, 6]
+    assert losses(subscription) == {"replaced": 3}
+    assert subscription.statistics().expected == 6
+
+
+def test_what_a_queue_dropped_may_come_again_if_both_ends_were_cut_off() -> None:
+    world = ClientWorld()
+    client = world.client()
+    subscription, publisher = client.subscription(KEPT_3), client.publisher(KEPT_20)
+    world.settle()
+    connection = blocked(client)
+    client.publish(publisher, 6)
+    world.advance(1)
+    connection.trickle()
+    world.settle()
+    assert losses(subscription) == {"replaced": 3}
+    client.hang_up()
+    client.connect()
+    world.advance(1)
+    assert numbers(client, subscription) == [4, 5, 6]
+    assert losses(subscription) == {"replaced": 3}
+    assert subscription.statistics().expected == 6
+
+
+@pytest.mark.parametrize(
+    ("qos", "found", "lost"),
+    [(LAST_3, [], {"disconnected": 2}), (KEPT_3, [1, 2], {})],
+    ids=["volatile", "kept"],
+)
+def test_the_end_of_a_publisher_that_returns_counts_once(
+    qos: QoSProfile, found: list[int], lost: dict[str, int]
+) -> None:
+    """Its end (Unmatched) arrives, and the samples before it do not: the listener is cut off, too."""
+    world = ClientWorld()
+    talker, listener = world.client(), world.client()
+    subscription, publisher = listener.subscription(LAST_3), talker.publisher(qos)
+    world.settle()
+    connection = blocked(listener)
+    talker.publish(publisher, 2)
+    world.settle()
+    talker.hang_up()
+    connection.trickle()
+    world.settle()
+    listener.hang_up()
+    world.connect_all()
+    assert numbers(listener, subscription) == found
+    assert losses(subscription) == lost
+    assert subscription.statistics().expected == 2
