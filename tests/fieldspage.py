@@ -8,6 +8,7 @@ from typing import Any, get_args
 import msgspec
 from msgspec import inspect
 
+from bus import names
 from bus.qos import MAX_DEPTH, QoSProfile
 from bus.wire import messages, records
 
@@ -41,12 +42,22 @@ A message is a MessagePack map: the key `m` with the tag, and the fields by thei
 If no bounds are given, they depend on the state of busd (an id is that of an existing endpoint), or on its
 [configuration](configuration.md). An integer has at most 64 bits.
 """
+_PARTS = "a `/` before each part; a part is like a node's name"
+_TOPIC = f"{_PARTS}. At most {names.MAX_TOPIC_NAME_LENGTH} characters"
 GROUPS = "Both ways", "From a client", "From busd", "Records"
 BY_HAND = {
     (QoSProfile, "depth"): f"1 to 2^{(MAX_DEPTH + 1).bit_length() - 1} - 1; with `keep_all` from 0",
     (QoSProfile, "deadline"): "above 0, in seconds",
     (QoSProfile, "lifespan"): "above 0, in seconds",
     (QoSProfile, "liveliness_lease_duration"): "above 0, in seconds",
+    (
+        messages.CreateNode,
+        "name",
+    ): "letters `A` to `Z` and `a` to `z`, digits and `_`; the first is no digit. 1 to "
+    f"{names.MAX_NODE_NAME_LENGTH} characters",
+    (messages.CreateNode, "namespace"): f"`/`, or {_PARTS}. At most {names.MAX_NAMESPACE_LENGTH} characters",
+    (messages.CreatePublisher, "topic"): _TOPIC,
+    (messages.CreateSubscription, "topic"): _TOPIC,
     (messages.CreatePublisher, "gid"): "16 bytes",
     (messages.CreateSubscription, "gid"): "16 bytes",
     (messages.Matched, "gid"): "16 bytes",

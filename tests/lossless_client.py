@@ -1,6 +1,7 @@
-"""A talker that is reliable and keep all, on `examples/bare_client.py`: it waits for credit.
+"""Clients that are reliable and keep all, on `examples/bare_client.py`.
 
-python tests/lossless_client.py talk
+python tests/lossless_client.py talk       waits for credit
+python tests/lossless_client.py relay      acknowledges each sample
 """
 
 import signal
@@ -40,6 +41,22 @@ class Lossless(Client):
             super().talk()
 
 
+class LosslessRelay(Client):
+    """Its subscription is lossless; its publisher keeps ten."""
+
+    def request(self, tag: str, endpoint: Endpoint | None, **fields: Any) -> None:
+        super().request(tag, endpoint, **fields | ({"qos": {"history": "keep_all"}} if tag == "sub+" else {}))
+
+    def take_run(self, frame: bytes) -> None:
+        super().take_run(frame)
+        (gid,) = self.endpoints[0].last_seqs
+        self.acknowledge(self.endpoints[0].last_seqs[gid])
+
+    def acknowledge(self, seq: int) -> None:
+        source = [*self.endpoints[0].gids][-1]
+        self.send("ack", subscription=self.endpoints[0].id, source=source, seq=seq)
+
+
 if __name__ == "__main__":
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    Lossless(sys.argv[1]).run()
+    {"talk": Lossless, "relay": LosslessRelay}[sys.argv[1]](sys.argv[1]).run()

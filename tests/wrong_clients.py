@@ -16,7 +16,7 @@ import msgspec
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "examples"))
 from bare_client import FRAME, RECORD, RUN, Client, ConnectionLost, Endpoint
-from lossless_client import Lossless
+from lossless_client import Lossless, LosslessRelay
 from service_clients import SUPPORT, Caller, Server
 
 
@@ -329,6 +329,25 @@ class AsksForEver(Caller):
             super().take_sample(payload)
 
 
+class FaultIsTheEnd(Client):
+    def take_message(self, message: dict[Any, Any]) -> None:
+        if message["m"] == "fault":
+            sys.exit(f"busd: {message['text']}")
+        super().take_message(message)
+
+
+class LaterFaultIsTheEnd(FaultIsTheEnd):
+    def take_message(self, message: dict[Any, Any]) -> None:
+        if message.get("again"):
+            raise ConnectionLost
+        super().take_message(message)
+
+
+class NoAck(LosslessRelay):
+    def acknowledge(self, seq: int) -> None:
+        pass
+
+
 class Way(NamedTuple):
     client: type[Client]
     role: str
@@ -374,6 +393,9 @@ WAYS = [
     ),
     Way(SilentRefusal, "listen", "refusal", "it did not print the text of Refused"),
     Way(HappyRefusal, "talk", "refusal", "it ended with status 0, as if nothing was refused"),
+    Way(FaultIsTheEnd, "talk", "fault", "after a Fault with `again`: the client ended with status 1"),
+    Way(LaterFaultIsTheEnd, "relay", "fault", "after a Fault: the client ended with status 1"),
+    Way(NoAck, "relay", "subscribe", "no Ack of sample 2 came for subscription 42 on /conformance/in"),
     Way(EventIsTheEnd, "listen", "events", "the client ended with status 1"),
     Way(FirstMatchOnly, "talk", "events", "did not send sample"),
     Way(OneNumberForAll, "relay", "events", "returned fewer than the 4 samples of /conformance/in"),

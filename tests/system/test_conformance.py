@@ -55,6 +55,7 @@ async def test_a_right_client_passes_every_story() -> None:
     assert outcomes["declare"][1].startswith(declared)
     assert outcomes["restart"][1] == "connected and declared again, 2 endpoints with the same gids"
     assert outcomes["events"][1] == "/conformance/in: 4 samples returned on /conformance/out"
+    assert outcomes["fault"][1].startswith("connected again after a Fault with `again` at its start")
     assert outcomes["window"][1] == "/topic: never more than 3 samples without credit"
     assert outcomes["limit"][1] == "/conformance/out: no message above the limit of 200 bytes"
     returned = "5 samples returned by socket and socket; texts of up to 1000000 bytes"
@@ -80,6 +81,29 @@ async def test_stories_without_an_occasion_are_left_out() -> None:
     assert await play([(story, [*BARE, "talk"]) for story in ("limit", "growth")]) == [
         ("-", "left out: it does not publish on /conformance/out the messages of /conformance/in"),
         ("-", "left out: it has no subscription to a type with a text"),
+    ]
+
+
+@on_one_loop
+async def test_a_lossless_relay_shows_that_it_acknowledges() -> None:
+    relay = [sys.executable, str(TESTS / "lossless_client.py"), "relay"]
+    text = "/conformance/in: 3 samples returned on /conformance/out, 3 samples acknowledged"
+    assert await play([("subscribe", relay)]) == [("ok", text)]
+
+
+@on_one_loop
+async def test_a_client_with_services_only() -> None:
+    stories = ("declare", "refusal", "fault", "real", "growth")
+    outcomes = await play([(story, RIGHT[role]) for role in ("serve", "call") for story in stories])
+    declared = "node /bare_serve, server of /add (example_interfaces/srv/AddTwoInts)"
+    fault = "connected again after a Fault with `again` at its start, and after another one later"
+    left_out = "-", "left out: it has only services"
+    found = [left_out, ("ok", fault), left_out, left_out]
+    assert outcomes == [
+        ("ok", declared),
+        *found,
+        ("ok", declared.replace("serve", "call", 1).replace("server", "client")),
+        *found,
     ]
 
 

@@ -5,8 +5,8 @@ from argparse import ArgumentParser
 __all__ = ["NAMES", "PLACE", "RELAY", "add_arguments"]
 
 NAMES = (
-    *("hello", "declare", "publish", "subscribe", "ping", "unknown", "split", "refusal", "events"),
-    *("window", "limit", "restart", "serve", "call", "real", "growth"),
+    *("hello", "declare", "publish", "subscribe", "ping", "unknown", "split", "refusal"),
+    *("fault", "events", "window", "limit", "restart", "serve", "call", "real", "growth"),
 )
 """The stories, in the order in which they are played."""
 

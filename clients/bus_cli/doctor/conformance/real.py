@@ -15,6 +15,7 @@ from typing import Any, Self, TypeVar
 
 import msgspec
 
+from bus import names
 from bus.errors import BusError
 from bus.graph import Graph, GraphEndpoint
 from bus.link.autostart import BUSD
@@ -25,6 +26,7 @@ from bus_cli.doctor.conformance import payloads
 from bus_cli.doctor.conformance.client import Client
 from bus_cli.doctor.conformance.conversation import LeftOut, Wrong, is_plain
 from bus_cli.doctor.conformance.options import RELAY
+from bus_cli.doctor.conformance.services import PLUMBING
 
 __all__ = ["RealStage", "play", "play_growth"]
 
@@ -91,18 +93,25 @@ class RealStage:
         await self._busd.wait()
 
     async def endpoints(self, what: str) -> list[GraphEndpoint]:
-        """The client's endpoints on topics of users, once they are all there."""
+        """The client's endpoints on topics of users, once they are all there.
+
+        Raises LeftOut if it has only services.
+        """
 
         async def settled() -> list[GraphEndpoint]:
             found, since = list[GraphEndpoint](), monotonic()
             while not found or monotonic() - since < _SETTLED_S:
-                now = self._theirs(await self.node.graph())
+                now = _theirs(await self.node.graph())
                 if {one.id for one in now} != {one.id for one in found}:
                     found, since = now, monotonic()
                 await asyncio.sleep(_TICK_S)
             return found
 
-        return await self.within(settled(), what)
+        found = await self.within(settled(), what)
+        plain = [one for one in found if is_plain(one.topic)]
+        if not plain:
+            raise LeftOut("it has only services")
+        return plain
 
     async def within(self, coroutine: Coroutine[Any, Any, T], what: str) -> T:
         """The result; raises Wrong with `what` if it takes too long, or if the client ends before."""
@@ -120,10 +129,6 @@ class RealStage:
             return waiting.result()
         finally:
             waiting.cancel()
-
-    def _theirs(self, graph: Graph) -> list[GraphEndpoint]:
-        found = (*graph.publishers, *graph.subscriptions)
-        return [one for one in found if one.node.name != "conformance" and is_plain(one.topic)]
 
     def _listens(self) -> bool:
         with socket.socket(socket.AF_UNIX) as probe:
@@ -161,6 +166,16 @@ async def play_growth(stage: RealStage) -> str:
     if not told:
         raise LeftOut("it has no subscription to a type with a text")
     return f"{', '.join(told)}; texts of up to {max(_GROWING_BYTES)} bytes"
+
+
+def _theirs(graph: Graph) -> list[GraphEndpoint]:
+    """The client's endpoints on topics of users, and of services except for parameters."""
+    found = (one for one in (*graph.publishers, *graph.subscriptions) if one.node.name != "conformance")
+    return [one for one in found if is_plain(one.topic) or _is_of_service(one)]
+
+
+def _is_of_service(one: GraphEndpoint) -> bool:
+    return names.service_of_topic(one.topic) is not None and not one.type_name.startswith(PLUMBING)
 
 
 async def _exchange(stage: RealStage, endpoints: list[GraphEndpoint]) -> list[str]:

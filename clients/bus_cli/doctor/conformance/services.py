@@ -10,17 +10,18 @@ from bus.base.counted import counted
 from bus.errors import BusError
 from bus.types.service import message_of
 from bus.types.support import type_support
-from bus_cli.doctor.conformance.conversation import Endpoint, LeftOut, Wrong
+from bus_cli.doctor.conformance.conversation import Conversation, Endpoint, LeftOut, Wrong
 from bus_cli.doctor.conformance.stage import Peer, Stage
 
-__all__ = ["play_call", "play_serve"]
+__all__ = ["PLUMBING", "play_call", "play_serve", "shown"]
 
 _CALLERS = b"conformance call", b"other conf. call"
 """The gids of two clients of the served service."""
 _NUMBER = 1 << 40
 _REST_S = 2.5
 """A client that has its answer asks nothing for this time."""
-_PLUMBING = "rcl_interfaces/"
+PLUMBING = "rcl_interfaces/"
+"""Types of parameters' services: every node of the library has them."""
 
 
 class _Service(NamedTuple):
@@ -36,10 +37,16 @@ class _Envelope(NamedTuple):
     body: bytes
 
 
+def shown(talk: Conversation) -> list[str]:
+    """The client's servers and clients in words."""
+    ends = ((word, _services(talk, is_server=word == "server")) for word in ("server", "client"))
+    return [f"{word} of {one.name} ({_type_of(one)})" for word, all_ in ends for one in all_]
+
+
 async def play_serve(stage: Stage) -> str:
     """Two clients call each service. Then they ask about an answered call, and about a call never made."""
     peer = await stage.declared()
-    services = _services(peer, is_server=True)
+    services = _services(peer.talk, is_server=True)
     if not services:
         raise LeftOut("it serves no service")
     told = []
@@ -69,7 +76,7 @@ async def play_call(stage: Stage) -> str:
     """A call gets no answer, and the connection ends: the client asks until it learns that the call is
     lost."""
     peer = await stage.declared()
-    services = _services(peer, is_server=False)
+    services = _services(peer.talk, is_server=False)
     if not services:
         raise LeftOut("it is no client of a service")
     one = services[0]
@@ -84,7 +91,7 @@ async def play_call(stage: Stage) -> str:
     await peer.sign("after a reply to another client")
     peer.close()
     peer = await stage.declared()
-    again = next((it for it in _services(peer, is_server=False) if it.requests.gid == call.client), None)
+    again = next((it for it in _services(peer.talk, is_server=False) if it.requests.gid == call.client), None)
     if again is None:
         raise Wrong(f"the client of {one.name} did not come back with its gid {call.client.hex()}")
 
@@ -109,17 +116,21 @@ async def play_call(stage: Stage) -> str:
 _NIL = b"\xc0"
 
 
-def _services(peer: Peer, *, is_server: bool) -> list[_Service]:
+def _services(talk: Conversation, *, is_server: bool) -> list[_Service]:
     """The client's servers or clients, except for parameters."""
     found: dict[tuple[int, str], dict[bool, Endpoint]] = {}
-    for one in peer.talk.endpoints.values():
+    for one in talk.endpoints.values():
         name = names.service_of_topic(one.topic)
-        is_plain = not one.schema.type_name.startswith(_PLUMBING)
+        is_plain = not one.schema.type_name.startswith(PLUMBING)
         if name is not None and is_plain:
             is_request = one.topic == names.request_topic(name)
             if one.is_publisher is not (is_request is is_server):
                 found.setdefault((one.node, name), {})[is_request] = one
     return [_Service(name, ends[True], ends[False]) for (_, name), ends in found.items() if len(ends) == 2]
+
+
+def _type_of(service: _Service) -> str:
+    return service.requests.schema.type_name.removesuffix("_Request")
 
 
 def _request_of(service: _Service) -> bytes | None:

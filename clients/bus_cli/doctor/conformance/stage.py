@@ -10,6 +10,7 @@ Every wait ends with Wrong if the client breaks a rule, closes the connection, o
 import asyncio
 import os
 from collections.abc import Callable, Coroutine, Sequence
+from contextlib import suppress
 from pathlib import Path
 from time import monotonic_ns
 from types import TracebackType
@@ -35,6 +36,7 @@ _SETTLED_NS = 300_000_000
 _TICK_S = 0.05
 _ON_THE_WAY_S = 0.1
 _FIRST_ID, _IDS_APART = 41, 1000
+_LAST_S = 0.5
 _BYTE_S = 0.001
 """Pause between the bytes of a cut frame: the client reads each alone."""
 
@@ -186,6 +188,13 @@ class Peer:
         heard = self.talk.heard
         what = f"nothing came from it {after}, not even a Ping,"
         await self.until(lambda: self.talk.heard > heard, what, max(_ALIVE_S, self._lease_s))
+
+    async def end(self, last: m.Message) -> None:
+        """Send the last message, and cut the connection when the client does, or a moment later."""
+        await self.send(last)
+        with suppress(TimeoutError, ConnectionError):
+            await asyncio.wait_for(self._reader.read(), _LAST_S)  # to the end
+        self.close()
 
     def close(self) -> None:
         """Cut the connection."""

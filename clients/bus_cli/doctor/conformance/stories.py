@@ -22,6 +22,9 @@ __all__ = ["STORIES", "Story"]
 _SAMPLES = 3
 _PING_LEASE_S = 1.0
 _TEXT = "this busd refuses the endpoint, to test its client"
+_FULL = "this busd has no free place now, to test its client"
+_ENDS = "this busd ends the connection, to test its client"
+_NOTHING = "it created no endpoint on a topic of its own"
 _WINDOW_SAMPLES = 3
 _REST_S = 1.5
 """A publisher without credit sends nothing for this time."""
@@ -47,8 +50,9 @@ async def _hello(stage: Stage) -> str:
 async def _declare(stage: Stage) -> str:
     talk = (await stage.declared()).talk
     shown = [f"{one} ({one.schema.type_name})" for one in talk.endpoints.values() if is_plain(one.topic)]
+    shown += services.shown(talk)
     if not shown:
-        raise Wrong("it created no endpoint on a topic of its own")
+        raise Wrong(_NOTHING)
     return ", ".join([*(f"node {name}" for name in talk.nodes.values()), *shown])
 
 
@@ -121,7 +125,9 @@ async def _split(stage: Stage) -> str:
 async def _refusal(stage: Stage) -> str:
     peer = await stage.meet(Terms(refuses=_TEXT))
     try:
-        await peer.until(lambda: peer.talk.refused, "it created no endpoint on a topic of its own")
+        await peer.until(lambda: peer.talk.refused or _serves_only(peer), _NOTHING)
+        if not peer.talk.refused:
+            raise LeftOut("it has only services")
         await peer.until(
             lambda: _TEXT in stage.client.output, f"it did not print the text of Refused ({_TEXT!r})"
         )
@@ -138,6 +144,32 @@ async def _refusal(stage: Stage) -> str:
             raise Wrong(stage.client.end_in_words()) from None
         return f"printed the text; {stage.client.end_in_words()}"
     return "printed the text and continued"
+
+
+def _serves_only(peer: Peer) -> bool:
+    """Whether it has declared everything, and has only ends of services."""
+    return peer.is_settled and bool(services.shown(peer.talk))
+
+
+async def _fault(stage: Stage) -> str:
+    """The first Fault comes before the client has its node, the second one later."""
+    peer = await stage.meet()
+    await peer.end(m.Fault(text=_FULL, again=True))
+    peer = await _back(stage, "a Fault with `again`")
+    before = {one.gid: one for one in peer.talk.endpoints.values()}
+    await peer.end(m.Fault(text=_ENDS))
+    after = {one.gid: one for one in (await _back(stage, "a Fault")).talk.endpoints.values()}
+    for gid, old in before.items():
+        if is_plain(old.topic):
+            _compare(old, after.get(gid))
+    return "connected again after a Fault with `again` at its start, and after another one later"
+
+
+async def _back(stage: Stage, after: str) -> Peer:
+    try:
+        return await stage.declared()
+    except Wrong as error:
+        raise Wrong(f"after {after}: {error}") from None
 
 
 async def _events(stage: Stage) -> str:
@@ -286,14 +318,15 @@ async def _feed(peer: Peer, one: Endpoint, count: int) -> bool:
 async def _confirm(peer: Peer, one: Endpoint) -> str:
     """Wait until the client shows that it has taken the samples; returns how it did."""
     relay = _relay(peer)
-    if relay is not None and relay[0] is one:
-        return await _returned(peer, *relay)
+    shown = [await _returned(peer, *relay)] if relay is not None and relay[0] is one else []
     if one.qos.is_lossless:
         what = f"no Ack of sample {one.last_seq} came for {one}"
         await peer.until(lambda: one.acknowledged >= one.last_seq, what)
-        return f"{one.samples} samples acknowledged"
-    await peer.sign(f"after {one.samples} samples for {one}")
-    return f"{one.samples} samples sent"
+        shown.append(f"{one.samples} samples acknowledged")
+    if not shown:
+        await peer.sign(f"after {one.samples} samples for {one}")
+        shown.append(f"{one.samples} samples sent")
+    return ", ".join(shown)
 
 
 async def _returned(peer: Peer, source: Endpoint, target: Endpoint) -> str:
@@ -340,6 +373,7 @@ STORIES: Mapping[str, Story] = {
     "unknown": Story(_unknown, "Versions"),
     "split": Story(_split, "Frames"),
     "refusal": Story(_refusal, "Errors and limits"),
+    "fault": Story(_fault, "The session"),
     "events": Story(_events, "From busd"),
     "window": Story(_window, "Keep all"),
     "limit": Story(_limit, "From busd"),
