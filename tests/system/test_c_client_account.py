@@ -12,13 +12,13 @@ import pytest
 import c_programs
 from bus.qos import QoSProfile
 from bus.wire import messages as m
-from bus.wire.layout import DATA, DATA_HEAD, DATA_HEAD_BYTES, LENGTH_BYTES
+from bus.wire.layout import DATA, DATA_HEAD, DATA_HEAD_BYTES, LENGTH_BYTES, REPLAY
 from fake_broker import FakeBroker, FakeConnection
 from programs import on_one_loop
 from raw_peer import text
 from semantics import KEEP_ALL
 
-QOS = QoSProfile(10)
+QOS, LATCHED = QoSProfile(10), QoSProfile(10, durability="transient_local")
 SIZE = 4000
 SUBSCRIPTION, TALKER, OTHER = 2, 7, 8
 
@@ -48,11 +48,11 @@ def match(connection: FakeConnection, next_seq: int, qos: QoSProfile = QOS, by: 
     )
 
 
-def send(connection: FakeConnection, *numbers: int, size: int = 0, by: int = TALKER) -> None:
+def send(connection: FakeConnection, *numbers: int, size: int = 0, by: int = TALKER, flags: int = 0) -> None:
     for number in numbers:
         body = text(f"{number} ".ljust(size))
         length = DATA_HEAD_BYTES - LENGTH_BYTES + len(body)
-        connection.write(DATA_HEAD.pack(length, DATA, 0, 0, SUBSCRIPTION, by, number, 1, 0) + body)
+        connection.write(DATA_HEAD.pack(length, DATA, flags, 0, SUBSCRIPTION, by, number, 1, 0) + body)
 
 
 def report(connection: FakeConnection, dropped: dict[str, int], **more: object) -> None:
@@ -178,3 +178,78 @@ async def test_lossless_messages_stay_in_a_full_queue(
     assert others == [*range(2 * count + 1 - len(others), 2 * count + 1)]
     assert 0 < len(others) <= most - kept
     assert statistics["lost"] == count - len(others)
+
+
+@on_one_loop
+@pytest.mark.parametrize("lacks", [0, 2], ids=["all of it", "a part of it"])
+async def test_what_was_dropped_and_comes_again_with_the_history_counts_once(
+    broker: FakeBroker, programs: Path, tmp_path: Path, lacks: int
+) -> None:
+    """busd has dropped 2 to 4; 5 and 6 were lost with the connection. The history begins with 2, or later."""
+    meeting = asyncio.create_task(meet(broker))
+    async with c_programs.peer(programs, tmp_path, "listen", "/t", "latched") as listener:
+        connection = await meeting
+        match(connection, 1, LATCHED)
+        send(connection, 1)
+        report(connection, {"replaced": 3})
+        await listener.line("^1 ")
+        await connection.close()
+        connection = await meet(broker)
+        match(connection, 7, LATCHED)
+        send(connection, *range(2 + lacks, 7), flags=REPLAY)
+        send(connection, 7)
+        await listener.line("^7 ")
+        statistics = await listener.finish()
+    assert (statistics["replaced"], statistics["lost"]) == (lacks, 0)
+    assert (statistics["samples"], statistics["expected"]) == (7 - lacks, 7)
+
+
+@on_one_loop
+@pytest.mark.parametrize("dropped", [0, 2])
+async def test_what_a_history_lacks_counts_once(
+    broker: FakeBroker, programs: Path, tmp_path: Path, dropped: int
+) -> None:
+    """Published while the subscription was away: 2 to 6. The history lacks a part, or busd drops it."""
+    meeting = asyncio.create_task(meet(broker))
+    async with c_programs.peer(programs, tmp_path, "listen", "/t", "latched") as listener:
+        connection = await meeting
+        match(connection, 1, LATCHED)
+        send(connection, 1)
+        await listener.line("^1 ")
+        await connection.close()
+        connection = await meet(broker)
+        match(connection, 7, LATCHED)
+        send(connection, 4, 5, 6, flags=REPLAY)
+        if dropped:
+            report(connection, {"replaced": dropped})
+        send(connection, 7)
+        await listener.line("^7 ")
+        await connection.close()  # the counters are settled
+        connection = await meet(broker)
+        match(connection, 8, LATCHED)
+        send(connection, 8)
+        await listener.line("^8 ")
+        statistics = await listener.finish()
+    assert (statistics["replaced"], statistics["lost"]) == (dropped, 2 - dropped)
+    assert (statistics["samples"], statistics["expected"]) == (6, 8)
+
+
+@on_one_loop
+async def test_the_end_of_a_publisher_whose_history_comes_again_is_no_loss(
+    broker: FakeBroker, programs: Path, tmp_path: Path
+) -> None:
+    """A volatile subscription learned that the publisher has gone, and lost the samples before that."""
+    meeting = asyncio.create_task(meet(broker))
+    async with c_programs.peer(programs, tmp_path, "listen", "/t") as listener:
+        connection = await meeting
+        match(connection, 1, LATCHED)
+        send(connection, 1)
+        connection.send(m.Unmatched(endpoint=SUBSCRIPTION, other=TALKER, last_seq=3, lost=True))
+        await listener.line("^1 ")
+        await connection.close()
+        connection = await meet(broker)
+        match(connection, 1, LATCHED)
+        send(connection, 2, 3)
+        await listener.line("^3 ")
+        statistics = await listener.finish()
+    assert (statistics["samples"], statistics["expected"], statistics["lost"]) == (3, 3, 0)

@@ -97,7 +97,12 @@ void inbox_add(busd_subscription *sub, struct sample *sample)
 static void note_missing(busd_subscription *sub, struct source *source, uint64_t seq, unsigned flags)
 {
     const bool is_replay = (flags & FLAG_REPLAY) != 0;
-    const uint64_t known = sizes_max(source->last_seq, source->missed_seq);
+    uint64_t known = sizes_max(source->last_seq, source->missed_seq);
+    const uint64_t routed = sizes_max(known, source->routed_seq), away_end = sizes_min(seq, source->first_seq);
+    if (source->is_back && known != 0 && away_end > routed + 1 && (flags & FLAG_RESUMED) == 0 && source->seat == NULL) {
+        sub->resent += away_end - routed - 1;
+        source->missed_seq = known = away_end - 1;
+    }
     const uint64_t next = is_replay ? known + 1 : sizes_max(known + 1, source->first_seq);
     const bool is_history = is_replay && known == 0; /* it begins anywhere */
     if (seq > next && !is_history && (flags & FLAG_RESUMED) == 0 && source->seat == NULL)

@@ -226,7 +226,9 @@ struct source {
     bool is_by_ring, is_lossless, is_stale, is_gone;
     bool is_told; /* as in a match */
     bool awaits_sign;              /* it counts neither as alive nor as not alive before its first sign of life */
+    uint64_t kept;                 /* the most samples of its history; 0: it has none */
     bool has_history;              /* it keeps samples, and this subscription wants them */
+    bool is_back;                  /* after a lost connection, samples may come that were published meanwhile */
     bool is_complete;              /* every number that is missing by socket from now on was dropped by busd */
     /* by ring, while it has a seat */
     struct feed feed;
@@ -265,6 +267,7 @@ struct busd_subscription {
     uint64_t dropped_by_busd[REASONS];
     /* reports.c, by socket from this busd */
     uint64_t skipped, perhaps_skipped;   /* missing numbers: busd has dropped them; perhaps */
+    uint64_t resent;                     /* missing: busd has dropped them from a history, or the history lacked them */
     uint64_t ahead;                      /* drops reported on an earlier connection, whose numbers will be missing */
     uint64_t unexplained;                /* of `skipped` on the last connection, without a report */
     uint64_t told[REASONS];              /* drops that this busd has reported on earlier connections */
@@ -576,6 +579,8 @@ void report_due(struct endpoint *end);
 void report_send(busd_bus *bus);
 void report_last(struct endpoint *end);
 void report_dropped(busd_subscription *sub, busd_in body);
+uint64_t count_absent(const busd_subscription *sub, uint64_t by_reason[REASONS]);
+void count_again(busd_subscription *sub, uint64_t most);
 uint64_t count_away(busd_subscription *sub, uint64_t count);
 void reports_lost(busd_subscription *sub);
 

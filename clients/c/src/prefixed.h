@@ -10,6 +10,8 @@
 #define control_send busd__control_send
 #define control_simple busd__control_simple
 #define control_take busd__control_take
+#define count_absent busd__count_absent
+#define count_again busd__count_again
 #define count_away busd__count_away
 #define deadline_note busd__deadline_note
 #define deadlines_check busd__deadlines_check

@@ -27,11 +27,31 @@ static void report_publisher(busd_bus *bus, const busd_publisher *p)
                    (const uint64_t[]){p->end.id, p->samples, p->bytes, (uint64_t)now_ns()});
 }
 
+/* Samples that were published while this process was away, and that a history lacked, by reason. Returns their number.
+ * Not those that busd has dropped from the history: it reports them. */
+uint64_t count_absent(const busd_subscription *sub, uint64_t by_reason[REASONS])
+{
+    const uint64_t missing = sub->skipped + sub->resent;
+    uint64_t by_busd = 0;
+    for (int i = 0; i < REASONS; i++)
+        by_busd += sub->dropped_by_busd[i];
+    const uint64_t count = sizes_min(sub->resent, missing - sizes_min(missing, by_busd));
+    uint64_t left = count;
+    for (int i = 0; i < REASONS; i++) {
+        by_reason[i] = sizes_min(left, sub->explained[i]);
+        left -= by_reason[i];
+    }
+    by_reason[DISCONNECTED] += left;
+    return count;
+}
+
 /* Samples dropped here, by reason; with those in the rings that are read now. */
 static unsigned dropped_here(const busd_subscription *sub, uint64_t dropped[REASONS])
 {
     unsigned count = 0;
-    memcpy(dropped, sub->dropped, sizeof sub->dropped);
+    count_absent(sub, dropped);
+    for (int i = 0; i < REASONS; i++)
+        dropped[i] += sub->dropped[i];
     for (const struct source *source = sub->sources; source != NULL; source = source->next) {
         if (source->seat == NULL)
             continue;
@@ -210,21 +230,38 @@ uint64_t count_away(busd_subscription *sub, uint64_t count)
     return counted;
 }
 
+/* A publisher is matched again, whose samples may come again: `most` at most. Drops of them that busd has reported on an
+ * earlier connection no longer count. Those that do not come again are found missing. */
+void count_again(busd_subscription *sub, uint64_t most)
+{
+    uint64_t left = sizes_min(sub->ahead, most);
+    sub->ahead -= left;
+    sub->earlier -= left;
+    for (int i = 0; i < REASONS; i++) {
+        const uint64_t some = sizes_min(left, sub->dropped[i]);
+        sub->dropped[i] -= some;
+        sub->explained[i] += some;
+        left -= some;
+    }
+}
+
 /* The connection is lost: its drops become earlier ones. */
 void reports_lost(busd_subscription *sub)
 {
-    uint64_t reported = 0;
+    uint64_t reported = 0, lacking[REASONS];
+    const uint64_t absent = count_absent(sub, lacking);
+    sub->away += absent;
     if (sub->end.node->bus->is_new_busd)
         memset(sub->told, 0, sizeof sub->told);
     memset(sub->explained, 0, sizeof sub->explained);
     for (int i = 0; i < REASONS; i++) {
-        sub->dropped[i] += sub->dropped_by_busd[i];
+        sub->dropped[i] += sub->dropped_by_busd[i] + lacking[i];
         sub->told[i] += sub->dropped_by_busd[i];
         reported += sub->dropped_by_busd[i];
         sub->dropped_by_busd[i] = 0;
     }
-    sub->unexplained = count_away(sub, sub->skipped - sizes_min(sub->skipped, reported));
-    sub->ahead += reported - sizes_min(reported, sub->skipped + sub->perhaps_skipped);
+    sub->unexplained = absent + count_away(sub, sub->skipped - sizes_min(sub->skipped, reported));
+    sub->ahead += reported - sizes_min(reported, sub->skipped + sub->perhaps_skipped + sub->resent);
     sub->earlier += sub->received + reported;
-    sub->received = sub->repeated = sub->skipped = sub->perhaps_skipped = 0;
+    sub->received = sub->repeated = sub->skipped = sub->perhaps_skipped = sub->resent = 0;
 }

@@ -211,18 +211,25 @@ static uint64_t random_number(void)
     return getrandom(&number, sizeof number, GRND_NONBLOCK) == sizeof number ? number : (uint64_t)now_ns();
 }
 
-/* How much history the subscription gets of a publisher with these QoS. */
-static uint64_t history_of(const busd_subscription *sub, busd_in qos)
+/* How many samples a publisher with these QoS keeps. */
+static uint64_t kept_by(busd_in qos)
 {
-    if (sub->end.qos.durability == BUSD_VOLATILE || !busd_find_is(qos, "durability", "transient_local"))
+    if (!busd_find_is(qos, "durability", "transient_local"))
         return 0;
-    const uint64_t offered =
-        busd_find_is(qos, "history", "keep_all") ? RING_FOR_EVER : busd_find_number(qos, "depth", 10);
-    return sub->depth != 0 ? sizes_min(offered, sub->depth) : offered;
+    const bool keeps_all = busd_find_is(qos, "history", "keep_all");
+    return keeps_all ? RING_FOR_EVER : sizes_min(busd_find_number(qos, "depth", 10), RING_FOR_EVER);
+}
+
+/* How much of its history the subscription gets. */
+static uint64_t history_of(const busd_subscription *sub, const struct source *source)
+{
+    if (!source->has_history)
+        return 0;
+    return sub->depth != 0 ? sizes_min(source->kept, sub->depth) : source->kept;
 }
 
 /* Begins to read the ring. Returns the fault because of which it can't. */
-static const char *attach(busd_subscription *sub, struct source *source, busd_in body, busd_in qos, int *fds)
+static const char *attach(busd_subscription *sub, struct source *source, busd_in body, int *fds)
 {
     busd_bus *bus = sub->end.node->bus;
     struct feed *feed = &source->feed;
@@ -243,7 +250,7 @@ static const char *attach(busd_subscription *sub, struct source *source, busd_in
     feed->lifespan_ns = source->lifespan_ns;
     feed->clock_ns = source->clock_ns;
     const uint64_t at_ns = busd_find_number(body, "at_ns", 0);
-    uint64_t old = 0, seq = feed_find(feed, at_ns, history_of(sub, qos), &old);
+    uint64_t old = 0, seq = feed_find(feed, at_ns, history_of(sub, source), &old);
     if (known != 0)
         seq = known + 1;
     else if (busd_find_number(body, "next_seq", 1) == 1 && (int64_t)at_ns > sub->declared_ns)
@@ -287,8 +294,12 @@ static void by_socket(busd_subscription *sub, struct source *source, busd_in bod
         source_leave(sub, source);
     }
     const bool comes_again = source->has_history || (source->is_lossless && sub->end.node->bus->is_new_busd);
+    source->is_back = !is_new && comes_again;
     if (!is_new && !comes_again)
         count_missed(sub, source, next_seq - 1);
+    const uint64_t known = source_position(source);
+    const uint64_t missing = source->is_back && next_seq > known ? next_seq - known - 1 : 0;
+    count_again(sub, sizes_min(missing, RING_FOR_EVER) + source->kept);
 }
 
 void subscription_matched(busd_subscription *sub, busd_in body, busd_in qos, const unsigned char *gid, int *fds,
@@ -307,8 +318,8 @@ void subscription_matched(busd_subscription *sub, busd_in body, busd_in qos, con
     source->lifespan_ns = lifespan_s > 0 && lifespan_s < 1e9 ? (uint64_t)(lifespan_s * 1e9) : 0;
     source->is_lossless = sub->end.is_lossless && busd_find_is(qos, "history", "keep_all")
                           && !busd_find_is(qos, "reliability", "best_effort");
-    source->has_history =
-        sub->end.qos.durability != BUSD_VOLATILE && busd_find_is(qos, "durability", "transient_local");
+    source->kept = kept_by(qos);
+    source->has_history = sub->end.qos.durability != BUSD_VOLATILE && source->kept != 0;
     source->is_stale = source->is_gone = source->is_complete = false;
     source->acked_seq = 0;
     source->first_seq = busd_find_number(body, "next_seq", 1);
@@ -321,7 +332,7 @@ void subscription_matched(busd_subscription *sub, busd_in body, busd_in qos, con
             source_leave(sub, source);
         }
         const char *fault = count != 2               ? "descriptors are missing"
-                            : source->seat == NULL   ? attach(sub, source, body, qos, fds)
+                            : source->seat == NULL   ? attach(sub, source, body, fds)
                             : segment_is(fds[0], source->newest) ? NULL
                                                      : extend(source, fds[0]);
         if (fault != NULL)
@@ -397,7 +408,7 @@ void sources_lost(busd_subscription *sub)
     for (struct source *source = sub->sources; source != NULL; source = source->next) {
         if (source->seat == NULL && source->routed_seq > source->last_seq) { /* they were queued for us */
             const bool is_later_counted = source->missed_seq >= source->routed_seq; /* those after them */
-            const bool is_over = source->is_gone && !source->is_lossless && !source->has_history; /* repeats nothing */
+            const bool is_over = source->is_gone && !source->is_lossless && source->kept == 0; /* repeats nothing */
             uint64_t *count = is_later_counted || is_over ? &sub->skipped : &sub->perhaps_skipped;
             *count += source->routed_seq - source->last_seq;
             if (is_over) /* they must not count a second time */

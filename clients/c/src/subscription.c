@@ -195,10 +195,11 @@ void busd_subscription_stats(const busd_subscription *sub, busd_stats *stats)
 {
     *stats = (busd_stats){
         .samples = sub->samples, .bytes = sub->bytes, .queued = sub->queued, .missed_deadlines = sub->end.missed};
-    uint64_t passed = sub->passed, by_busd = 0;
+    uint64_t passed = sub->passed, by_busd = 0, lacking[REASONS];
+    const uint64_t absent = count_absent(sub, lacking);
     for (int i = 0; i < REASONS; i++) {
         uint64_t *count = i == REPLACED ? &stats->replaced : i == EXPIRED ? &stats->expired : &stats->lost;
-        *count += sub->dropped[i] + sub->dropped_by_busd[i];
+        *count += sub->dropped[i] + sub->dropped_by_busd[i] + lacking[i];
         by_busd += sub->dropped_by_busd[i];
     }
     for (const struct source *source = sub->sources; source != NULL; source = source->next) {
@@ -213,7 +214,7 @@ void busd_subscription_stats(const busd_subscription *sub, busd_stats *stats)
         *(sub->depth != 0 ? &stats->replaced : &stats->lost) += feed->ring.overrun;
         passed += feed->ring.next + waiting - feed->first;
     }
-    stats->expected = passed + sub->received + sub->earlier + sub->away + by_busd;
+    stats->expected = passed + sub->received + sub->earlier + sub->away + absent + by_busd;
 }
 
 int busd_subscription_matches(const busd_subscription *sub)
