@@ -172,7 +172,8 @@ class SequenceTracker(dict[int, PublisherProxy]):
             proxy = self.get(number)
             if proxy is not None and proxy.gid == matched.gid:
                 proxy.renew(matched)
-                proxy.comes_back(proxy.routed_seq, matched.next_seq)
+                if matched.route == Route.SOCKET:  # a ring has them all
+                    proxy.comes_back(proxy.routed_seq, matched.next_seq)
                 return proxy
         return None
 

@@ -246,3 +246,22 @@ def test_the_end_of_a_publisher_that_returns_counts_once(
     assert numbers(listener, subscription) == found
     assert losses(subscription) == lost
     assert subscription.statistics().expected == 2
+
+
+def test_the_second_end_of_a_publisher_loses_nothing_that_is_in_its_ring() -> None:
+    """It returned by its ring after its first end; busd has routed none of its samples."""
+    world = ClientWorld()
+    talker, listener = world.client(shares=True), world.client(shares=True)
+    subscription, publisher = listener.subscription(QoSProfile(1)), talker.publisher(LAST_3)
+    world.settle()
+    talker.hang_up()
+    talker.connect()
+    talker.publish(publisher, 2)
+    world.advance(1)
+    talker.hang_up()
+    world.settle()
+    listener.hang_up()
+    world.connect_all()
+    world.advance(1)
+    assert numbers(listener, subscription) == [2]
+    assert losses(subscription) == {"replaced": 1}
