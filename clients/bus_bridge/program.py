@@ -54,7 +54,13 @@ class Plan:
         origin = Origin(bridge=self._name, bus=bus)
         arguments = ["--ros-args", "--log-level", log_level]
         async with Node(self._node, arguments=arguments, socket=path, origin=origin) as node:
-            options = BridgeOptions(bus=bus, rules=self._rules, naming=self._naming, socket=path)
+            options = BridgeOptions(
+                bus=bus,
+                rules=self._rules,
+                naming=self._naming,
+                socket=path,
+                journal=path.with_name(f"{path.name}.{self._node}"),
+            )
             bridge = Bridge(node, self._make_engine(bus), options)
             log = node.get_logger()
             log.info(f"this bus is '{bus}'")

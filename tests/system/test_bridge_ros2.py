@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 from collections import defaultdict
 from collections.abc import Iterator
+from itertools import count
 from pathlib import Path
 from typing import Any
 from zlib import crc32
@@ -287,6 +288,43 @@ async def test_in_transit_nothing_goes_back_to_where_it_came_from(world: World, 
 
 
 # --- what goes wrong
+
+
+@on_one_loop
+async def test_messages_that_a_killed_bridge_missed_are_counted_if_they_have_numbers(world: World) -> None:
+    """cyclonedds shows no numbers."""
+    side, bridge = join(world)
+    heard: list[int] = []
+    numbers = count(1)
+    with peer.cyclone(side.machine, domain=world.domain) as alone:
+
+        async def send() -> int:
+            number = next(numbers)
+            await ask(alone, "send", topic="/back", data=str(number))
+            return number
+
+        async with side.node("busd_node") as node:
+            await node.create_subscription(
+                String, "/back", 1000, lambda message: heard.append(int(message.data))
+            )
+            await ask(alone, "publish", topic="/back", type_name="")
+            while not heard:
+                await send()
+            bridge.kill()
+            for _ in range(20):
+                last = await send()
+            before = [*heard]
+            bridge.restart()
+            while heard == before:
+                last = await send()
+            await until(lambda: heard[-1] == last)
+            missing = last - before[-1] - (len(heard) - len(before))
+            wanted = missing if world.carrier == "rtps" else None
+            await until(
+                lambda: bridge.route("/back", "in")["dropped"].get("lost_on_the_way") == wanted,
+                lambda: f"{missing}: {bridge.route('/back', 'in')}",
+            )
+    assert missing >= 20
 
 
 @pytest.mark.nightly

@@ -376,6 +376,24 @@ async def test_a_bridge_that_is_killed_comes_back_without_copies(world: World) -
         await talk.missing()
 
 
+@pytest.mark.parametrize("how", ["kill", "end"])
+@on_one_loop
+async def test_messages_that_a_bridge_missed_while_it_was_away_are_counted(world: World, how: str) -> None:
+    _, far = world.join_by_zenoh()
+    async with talking(world) as talk:
+        getattr(far, how)()
+        before = talk.there.sent
+        await until(lambda: talk.there.sent > before + 20)
+        far.restart()
+        await talk.flow()
+        missing, _ = await talk.missing()
+        await until(
+            lambda: far.route("/there", "in")["dropped"].get("lost_on_the_way") == missing,
+            lambda: f"{missing}: {far.status()}",
+        )
+    assert missing > 20
+
+
 @pytest.mark.nightly
 @on_one_loop
 async def test_twenty_restarts_make_no_copies(world: World) -> None:

@@ -4,6 +4,7 @@
          messages -> `taps.py` -> `exports.py` -> `export.py` (`waiting.py`, `pace.py`) -> the engine's Writer
     in   engine -> `far_graph.py` (`bounds.py`) -> `mirrors.py` -> nodes on this bus
          the engine's Reader -> `far_reading.py` -> `imports.py` -> `publishing.py` -> mirror
+         where routes ended, for publishers that come back: `pasts.py`; for the next process: `journal.py`
 
 What crosses, by which name and QoS: `rules.py`, `naming.py`, `qos_rule.py`.
 

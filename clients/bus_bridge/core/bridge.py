@@ -4,7 +4,7 @@ import asyncio
 from collections import OrderedDict
 from collections.abc import Callable
 from pathlib import Path
-from time import monotonic
+from time import monotonic, monotonic_ns
 from typing import Any
 
 import msgspec
@@ -16,6 +16,7 @@ from bus_bridge.core.announcing import Announcing
 from bus_bridge.core.bounds import Bounds
 from bus_bridge.core.exports import Exports
 from bus_bridge.core.far_graph import FarGraph, Wrong
+from bus_bridge.core.journal import Journal
 from bus_bridge.core.local_graph import LocalGraph
 from bus_bridge.core.mirrors import Mirrors
 from bus_bridge.core.naming import Naming
@@ -44,6 +45,8 @@ class BridgeOptions(msgspec.Struct, frozen=True, kw_only=True):
     bounds: Bounds = msgspec.field(default_factory=Bounds)
     socket: Path | None = None
     """Path of busd's socket, as for the bridge's own node."""
+    journal: Path | None = None
+    """File for the last numbers, for the next process (`journal`); None: no file."""
 
 
 class Bridge:
@@ -70,8 +73,16 @@ class Bridge:
         self._schemas = Schemas(node, engine, bounds.schema_bytes, self._blame)
         self._exports = Exports(node, rules, self._local.knows, self._local.hides, self.warn)
         self._announcing = Announcing(node, engine, self._local, self._exports, self.warn)
+        self._journal = self._open_journal()
         self._mirrors = Mirrors(
-            engine, self._far, self._exports, self._schemas, self._make_node, self._local.knows, self.warn
+            engine,
+            self._far,
+            self._exports,
+            self._schemas,
+            self._make_node,
+            self._local.knows,
+            self.warn,
+            self._journal,
         )
         self._reporting = Reporting(self._exports, self._mirrors)
 
@@ -123,6 +134,8 @@ class Bridge:
                 pass  # it ends with the process
             except Exception as error:
                 self._log.warning(f"while the bridge was closed: {in_words(error)}")
+        if self._journal is not None:
+            self._journal.close()
 
     async def _keep_time(self) -> None:
         report_s = self._loop.time()
@@ -131,7 +144,18 @@ class Bridge:
             self._exports.sweep()
             if self._loop.time() >= report_s:
                 report_s = self._loop.time() + _PERIOD_S
+                if self._journal is not None:
+                    self._journal.live(monotonic_ns())
                 self._reporting.report(self._loop.time())
+
+    def _open_journal(self) -> Journal | None:
+        path = self._options.journal
+        try:
+            return None if path is None else Journal(path, monotonic_ns())
+        except OSError as error:
+            reason = "another bridge has it open" if isinstance(error, BlockingIOError) else error.strerror
+            self._log.info(f"messages missed before a restart will not be counted: {path}: {reason}")
+            return None
 
     def _make_node(self, name: str, namespace: str, origin: Origin) -> Node:
         return Node(

@@ -18,6 +18,7 @@ from bus_bridge.batch import Batch, Loose
 from bus_bridge.core.accounts import Account
 from bus_bridge.core.continuity import Continuity, ContinuityEvent, Listeners
 from bus_bridge.core.far_reading import FarReading, ReadingState
+from bus_bridge.core.journal import Entry
 from bus_bridge.core.lateness import Lateness
 from bus_bridge.core.pasts import Past
 from bus_bridge.core.publishing import Publishing
@@ -57,10 +58,15 @@ class Import:
         self._limit = None if max_rate_hz is None else RateLimit(max_rate_hz)
         self._continuity = continuity = Continuity()
         self._listeners = Listeners()
+        self.entry: Entry | None = None
+        """Notes for the next process. None: there is no journal, or the numbers are those of another
+        mirror."""
+        self._noted: frozenset[bytes] | None = None
+        """The subscriptions in the entry."""
         begin = partial(continuity.on, ContinuityEvent.INTERRUPT)
         self._reading = FarReading(engine, endpoint, schema, self.receive, begin, self.on_matched, on_trouble)
         self._publishing = Publishing(
-            publisher, Account(), self._reading.taken, on_trouble, is_lossless=self._is_lossless
+            publisher, Account(), self._room_made, on_trouble, is_lossless=self._is_lossless
         )
 
     def resume(self, past: Past) -> None:
@@ -120,6 +126,7 @@ class Import:
         if numbering != self._numbering:
             self._numbering = numbering
             self._renumber()
+            self._end_entry()
         self.on_matched()
 
     def past(self) -> Past:
@@ -138,6 +145,7 @@ class Import:
         """End the route of a far publisher that has gone: stop reading, and publish waiting messages while
         there is progress. Cancellation: waiting messages are lost, as in `end`."""
         self._reading.close()
+        self._end_entry()
         if lost := await self._publishing.finish():
             self._on_trouble(
                 f"their publisher has gone, and there was no room for all (messages lost: {lost})"
@@ -160,14 +168,16 @@ class Import:
                     self._newest_ns = right.last_time_ns
             if right is not None and self._limit is not None:
                 right = self._within_rate(right, self._limit)
-            if not self._is_lossless:
+            if self._is_lossless:
                 if right is not None:
-                    publishing.publish(right)
-                return
-            if right is not None:
-                publishing.publish_or_wait(right)
-            if gone := size - publishing.waiting.bytes:
-                self._reading.taken(gone)  # includes messages dropped here: the writer does not wait for them
+                    publishing.publish_or_wait(right)
+                if gone := size - publishing.waiting.bytes:
+                    # Includes messages dropped here: the writer does not wait for them.
+                    self._reading.taken(gone)
+                self._note()
+            elif right is not None:
+                self._note()  # first: if the bridge is killed in between, no message counts twice
+                publishing.publish(right)
         except Exception as error:  # an error in one route must not end the others
             self._on_trouble(in_words(error))
 
@@ -183,6 +193,25 @@ class Import:
         copies = min(qos.depth, sent) if qos.history is History.KEEP_LAST else sent
         self._continuity.renumber(copies, self._newest_ns)
         self._listeners.forget()
+
+    def _room_made(self, size: int) -> None:
+        """Handle `size` bytes of waiting messages that were published or dropped."""
+        self._reading.taken(size)
+        self._note()
+
+    def _note(self) -> None:
+        """Note the last message that does not wait, and its receivers, for the next process."""
+        if self.entry is None:
+            return
+        if self._noted is not self._listeners.now:
+            self._noted = self._listeners.now
+            self.entry.note_listeners(self._noted)
+        self.entry.note(max(0, self._continuity.last - self._publishing.waiting.count), self._newest_ns)
+
+    def _end_entry(self) -> None:
+        entry, self.entry = self.entry, None
+        if entry is not None:
+            entry.end()
 
     def _note_listeners(self) -> None:
         gids = frozenset(match.gid for match in self._publishing.publisher.matches)

@@ -25,6 +25,7 @@ from bus.subscription import Subscription
 from bus_bridge.core.exports import Exports, TopicExports, TypedTopic
 from bus_bridge.core.far_graph import FarGraph, Mirrored, MirroredNode
 from bus_bridge.core.imports import Import
+from bus_bridge.core.journal import Journal
 from bus_bridge.core.lateness import Lateness
 from bus_bridge.core.pasts import Pasts
 from bus_bridge.core.schemas import Schemas
@@ -114,6 +115,7 @@ class Mirrors:
         make_node: Callable[[str, str, Origin], Node],
         knows: Callable[[bytes], bool],
         warn: Callable[[str], None],
+        journal: Journal | None = None,
     ) -> None:
         self._engine = engine
         self._knows = knows
@@ -130,6 +132,7 @@ class Mirrors:
         self._lateness: WeakValueDictionary[tuple[str, ...], Lateness] = WeakValueDictionary()
         """Each clock of messages has one. The routes in hold them."""
         self._pasts = Pasts()
+        self._journal = journal
         self._stays = Stays()
         self._is_due = asyncio.Event()
         self._timer: asyncio.TimerHandle | None = None
@@ -383,6 +386,8 @@ class Mirrors:
 
         lateness = self._lateness.setdefault(far.node.clock, Lateness())
         past = self._pasts.take(far.far.gid, self._loop.time())
+        if past is None and self._journal is not None:
+            past = self._journal.take(far.far.gid)
         mirror.publisher = publisher
         mirror.way = Import(
             self._engine,
@@ -394,6 +399,8 @@ class Mirrors:
             numbering=_numbering(far),
             max_rate_hz=far.rule.max_rate_hz,
         )
+        if self._journal is not None and not _numbering(far):
+            mirror.way.entry = self._journal.begin(far.far.gid)
         if past is not None:
             mirror.way.resume(past)
         mirror.way.on_matched()

@@ -438,3 +438,63 @@ async def test_a_clock_of_ours_that_is_set_makes_nothing_old(monkeypatch: pytest
     monkeypatch.setattr(imports, "time_ns", time.time_ns, raising=False)
     way.receive(2, at_ns=real())
     assert way.way.losses == {}
+
+
+class Entry:
+    def __init__(self) -> None:
+        self.last = self.newest_ns = -1
+        self.listeners: frozenset[bytes] = frozenset()
+        self.ends = 0
+
+    def note(self, last: int, newest_ns: int) -> None:
+        self.last, self.newest_ns = last, newest_ns
+
+    def note_listeners(self, gids: frozenset[bytes]) -> None:
+        self.listeners = gids
+
+    def end(self) -> None:
+        self.ends += 1
+
+
+async def test_it_notes_what_it_has_published_and_for_whom() -> None:
+    way = Way(LOSSLESS)
+    entry: Any = Entry()
+    way.way.entry = entry
+    way.publisher.room = 3
+    way.receive(1, 2, 3, 4, 5, at_ns=2_000)
+    assert (entry.last, entry.newest_ns, entry.listeners) == (3, 2_000, {LISTENER})
+    way.match(LISTENER, OTHER)
+    assert entry.listeners == {LISTENER}, "the other one has received none yet"
+    await asyncio.sleep(0)  # it waits for room
+    way.publisher.give_room(10)
+    await until(lambda: not way.way.waiting)
+    assert entry.last == 5
+    way.receive(6)
+    assert (entry.last, entry.listeners) == (6, {LISTENER, OTHER})
+    way.way.end()
+    assert entry.ends == 0, "the bridge ends: the notes are for the next process"
+
+
+async def test_what_is_not_lossless_is_noted_first() -> None:
+    way = Way()
+    entry: Any = Entry()
+    way.way.entry = entry
+    way.publisher.error = KeyboardInterrupt()  # type: ignore[assignment]  # as a kill
+    with pytest.raises(KeyboardInterrupt):
+        way.receive(1)
+    assert entry.last == 1
+
+
+async def test_the_notes_end_with_the_publisher_or_with_its_numbers() -> None:
+    way = Way()
+    entry: Any = Entry()
+    way.way.entry = entry
+    way.receive(1)
+    await way.way.finish()
+    assert entry.ends == 1
+    way = Way()
+    way.way.entry = entry
+    way.way.begin_again(way.endpoint, numbering="another mirror")
+    assert entry.ends == 2
+    way.receive(1)
+    assert entry.last == 1
