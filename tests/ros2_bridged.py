@@ -41,6 +41,6 @@ async def ros(world: World, distro: peer.Distro) -> Peer:
     return await asyncio.to_thread(peer.ros, distro, "ros_node", machine, domain=world.domain)
 
 
-async def ask(one: Peer, order: str, **arguments: Any) -> Any:
+async def ask(one: Peer, order: str, /, **arguments: Any) -> Any:
     """Does not block the nodes of this process."""
     return await asyncio.to_thread(one.ask, order, **arguments)

@@ -76,7 +76,7 @@ class Far:
         while True:
             self._calls += 1
             call = {"service": "/ours", "type_name": LIST, "depth": self._calls}
-            goal = {"action": "/our_goals", "type_name": FIBONACCI, "size": self._calls}
+            goal = {"action": "/our_goals", "type_name": FIBONACCI, "order": self._calls}
             try:
                 answer = await asyncio.to_thread(self.peer.ask, "call", **call, time_s=_CALL_S)
                 self.answered["/ours"] += answer not in ("no server", [None])

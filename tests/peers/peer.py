@@ -96,7 +96,7 @@ class Peer:
             self.close()
             raise
 
-    def ask(self, order: str, **arguments: Any) -> Any:
+    def ask(self, order: str, /, **arguments: Any) -> Any:
         """Give an order, and return the answer."""
         assert self.process.stdin is not None
         self.process.stdin.write(json.dumps([order, arguments]) + "\n")
@@ -108,7 +108,7 @@ class Peer:
         self._wait_until(lambda: len(self.heard[topic]) >= count, f"{count} messages on {topic}")
         return self.heard[topic]
 
-    def wait_for(self, order: str, fits: Callable[[Any], object], **arguments: Any) -> Any:
+    def wait_for(self, order: str, fits: Callable[[Any], object], /, **arguments: Any) -> Any:
         """The first answer that fits. Raises TimeoutError."""
         end = time.monotonic() + WAIT_S
         while not fits(answer := self.ask(order, **arguments)):

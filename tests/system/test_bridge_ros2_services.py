@@ -190,10 +190,10 @@ async def test_rclpy_sends_goals_to_an_action_of_the_bus(
     async with side.node("robot") as node, bus_actions.ActionServer(node, test_msgs, "/count", execute):
         with await ros(world, distro) as far:
             goal = {"action": "/count", "type_name": FIBONACCI}
-            status, result, feedbacks = await ask(far, "send_goal", **goal, size=5)
-            assert (status, result) == (SUCCEEDED, [0, 1, 2, 3, 4])
-            assert feedbacks == [[0], [1], [2]]
-            status, _, _ = await ask(far, "send_goal", **goal, size=13, cancel_after=2)
+            status, result, feedbacks = await ask(far, "send_goal", **goal, order=5)
+            assert (status, result) == (SUCCEEDED, {"sequence": [0, 1, 2, 3, 4]})
+            assert feedbacks == [{"sequence": [number]} for number in range(3)]
+            status, _, _ = await ask(far, "send_goal", **goal, order=13, cancel_after=2)
             assert status == CANCELED
 
 
@@ -224,6 +224,63 @@ async def test_the_bus_sends_goals_to_an_action_of_rclpy(
             await goal.cancel()
             with pytest.raises(bus_actions.GoalCanceled):
                 await goal.result()
+
+
+NESTED = "test_msgs/action/NestedMessage"
+FIELDS = {
+    "nested_field_no_pkg": {
+        "duration_value": {"sec": -1, "nanosec": 2},
+        "time_value": {"sec": 3, "nanosec": 4},
+    },
+    "nested_field": {"bool_value": True, "int64_value": -(1 << 60), "float64_value": 0.1, "uint8_value": 255},
+    "nested_different_pkg": {"sec": 5, "nanosec": 6},
+}
+"""Fields of a goal, of feedback and of a result: messages of two packages, as in Nav2's NavigateToPose."""
+
+
+def fill(message: Any, values: dict[str, Any] = FIELDS) -> Any:
+    """`message`, with these values."""
+    for name, value in values.items():
+        setattr(message, name, fill(getattr(message, name), value) if isinstance(value, dict) else value)
+    return message
+
+
+def some_of(message: Any, wanted: Any = FIELDS) -> Any:
+    """The wanted fields of a message, or of one as values."""
+    if not isinstance(wanted, dict):
+        return message
+    fields = message if isinstance(message, dict) else {name: getattr(message, name) for name in wanted}
+    return {name: some_of(fields[name], value) for name, value in wanted.items()}
+
+
+@peer.each_distro
+@on_one_loop
+async def test_actions_whose_fields_are_messages(world: World, distro: peer.Distro, test_msgs: Any) -> None:
+    """Both ways at once."""
+    side, _ = join(world)
+    nested = bus_actions.find_action(NESTED)
+
+    async def execute(goal: Any) -> Any:
+        await node.wait_for_graph(lambda graph: bool(graph.subscriptions_of("/ours/_action/feedback")))
+        values = some_of(goal.request)
+        yield fill(nested.Feedback(), values)
+        yield fill(nested.Result(), values)
+
+    async with (
+        side.node("robot") as node,
+        bus_actions.ActionServer(node, nested, "/ours", execute),
+        bus_actions.ActionClient(node, nested, "/theirs") as client,
+    ):
+        with await ros(world, distro) as far:
+            await ask(far, "echo_action", action="/theirs", type_name=NESTED)
+            status, result, feedbacks = await ask(
+                far, "send_goal", action="/ours", type_name=NESTED, **FIELDS
+            )
+            assert (status, some_of(result), [*map(some_of, feedbacks)]) == (SUCCEEDED, FIELDS, [FIELDS])
+            await client.wait_for_server()
+            goal = await client.send_goal(fill(nested.Goal()))
+            assert [some_of(one) async for one in goal] == [FIELDS]
+            assert some_of(await goal.result()) == FIELDS
 
 
 @peer.each_distro

@@ -194,6 +194,21 @@ class Peer:
             goal.succeed()
             return cls.Result(sequence=[*range(goal.request.order)])
 
+        self._serve_action(action, cls, execute)
+
+    def echo_action(self, action: str, type_name: str) -> None:
+        """Make an action server, in a separate node: one feedback and the result with the goal's fields."""
+        cls = class_of(type_name)
+
+        def execute(goal: Any) -> Any:
+            values = as_values(goal.request)
+            goal.publish_feedback(fill(cls.Feedback(), values))
+            goal.succeed()
+            return fill(cls.Result(), values)
+
+        self._serve_action(action, cls, execute)
+
+    def _serve_action(self, action: str, cls: Any, execute: Any) -> None:
         node = rclpy.create_node(f"{self.node.get_name()}_actions")
         self._services[action] = ActionServer(
             node,
@@ -208,9 +223,9 @@ class Peer:
         threading.Thread(target=executor.spin, daemon=True).start()
 
     def send_goal(
-        self, action: str, type_name: str, size: int, cancel_after: int = 0, time_s: float = 20.0
+        self, action: str, type_name: str, cancel_after: int = 0, time_s: float = 20.0, **goal: Any
     ) -> Any:
-        """Send a goal of Fibonacci, once its server is there; cancel it after so many feedbacks.
+        """Send a goal once its server is there; cancel it after so many feedbacks.
 
         Returns its status, its result and the feedbacks.
         """
@@ -231,7 +246,7 @@ class Peer:
                 goals[0].cancel_goal_async()
 
         def on_feedback(message: Any) -> None:
-            feedbacks.append(list(message.feedback.sequence))
+            feedbacks.append(as_values(message.feedback))
             cancel()
 
         def on_accepted(future: Any) -> None:
@@ -246,10 +261,10 @@ class Peer:
             ends.append(future.result())
             has_ended.set()
 
-        client.send_goal_async(cls.Goal(order=size), on_feedback).add_done_callback(on_accepted)
+        client.send_goal_async(fill(cls.Goal(), goal), on_feedback).add_done_callback(on_accepted)
         if not has_ended.wait(time_s):
             return "no end"
-        return [ends[0].status, list(ends[0].result.sequence), feedbacks] if ends else "rejected"
+        return [ends[0].status, as_values(ends[0].result), feedbacks] if ends else "rejected"
 
     def has_server(self, service: str, type_name: str) -> bool:
         """Whether a client of it is matched with a server."""
@@ -343,6 +358,7 @@ def main() -> None:
         "manage",
         "call",
         "serve_action",
+        "echo_action",
         "send_goal",
         "services",
         "has_server",
