@@ -176,7 +176,8 @@ class Import:
                     self._reading.taken(gone)
                 self._note()
             elif right is not None:
-                self._note()  # first: if the bridge is killed in between, no message counts twice
+                if self.entry is not None:
+                    self._note()  # first: if the bridge is killed in between, no message counts twice
                 publishing.publish(right)
         except Exception as error:  # an error in one route must not end the others
             self._on_trouble(in_words(error))
