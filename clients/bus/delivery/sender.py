@@ -298,6 +298,10 @@ class Sender:
             self._put_late()
         self._room.waiters.release()
 
+    def refuse_threads(self, reason: BusError) -> None:
+        """Raise `reason` for further samples of other threads. Those taken before are still flushed."""
+        self._from_threads.refuse(reason)
+
     def drop_queued(self) -> int:
         """Drop samples that could not be handed over, and log their number; returns it."""
         late = self._from_threads.drop()
@@ -528,6 +532,8 @@ class Sender:
         # newest.
         depth = self._depth if self.ring is None and self._depth else 1 << 30
         with self._from_threads.lock:
+            if self._from_threads.refusal is not None:
+                raise again(self._from_threads.refusal)
             has_room = self.socket.can_take(len(payload))
             must_tell = has_room and self._from_threads.put(payload, stamp_ns, depth)
         if not has_room:

@@ -4,6 +4,7 @@ from collections import deque
 from collections.abc import Callable
 from threading import Lock
 
+from bus.errors import BusError
 from bus.wire.layout import RECORD_HEAD_BYTES
 
 
@@ -23,6 +24,8 @@ class ThreadQueue:
         self._limit_bytes = limit_bytes
         self._on_first = on_first
         self.lock = Lock()
+        self.refusal: BusError | None = None
+        """The publisher is being closed: raised, under the lock, for further samples."""
         self._samples: deque[tuple[bytes, int]] = deque()
         self._skipped = 0
         self._is_announced = False
@@ -41,6 +44,11 @@ class ThreadQueue:
         if must_tell:
             self._on_first()
         return must_tell
+
+    def refuse(self, reason: BusError) -> None:
+        """Take no more samples: after this, `collect` gets the last ones."""
+        with self.lock:
+            self.refusal = reason
 
     def collect(self) -> int:
         """On the event loop: move queued samples to `late`; returns how many older ones were replaced.

@@ -132,21 +132,27 @@ class EndpointCore(Generic[M]):
     async def close(self) -> None:
         """As `Endpoint.close`."""
         if self.refusal is None:
+            reason = self._end_threads()
             try:
                 await self.drain()
             finally:
-                self._leave()
+                self._leave(reason)
 
     def close_at_once(self) -> bool:
         """Close, if everything was handed over already; returns whether it is closed."""
-        if self.refusal is None and self.is_drained:
-            self._leave()
+        if self.refusal is None:
+            reason = self._end_threads()
+            if self.is_drained:
+                self._leave(reason)
         return self.refusal is not None
 
     @property
     def is_drained(self) -> bool:
         """Whether `drain` has nothing to wait for."""
         return True
+
+    def refuse_threads(self, reason: BusError) -> None:
+        """Raise `reason` for further messages of other threads (only publishers)."""
 
     async def drain(self) -> None:
         """Wait until everything was handed over."""
@@ -270,11 +276,17 @@ class EndpointCore(Generic[M]):
             dropped=summed(report.dropped, besides.dropped),
         )
 
-    def _leave(self) -> None:
-        self.link.forget(self)
+    def _end_threads(self) -> ConnectionClosed:
+        """Raise the returned reason of the end in other threads, from now on."""
         service = service_of_topic(self.topic_name)
         what = f"{self.kind} on '{self.topic_name}'" if service is None else f"end of service '{service}'"
-        self.end(ConnectionClosed(f"this {what} is closed"))
+        reason = ConnectionClosed(f"this {what} is closed")
+        self.refuse_threads(reason)
+        return reason
+
+    def _leave(self, reason: ConnectionClosed) -> None:
+        self.link.forget(self)
+        self.end(reason)
 
     def _report_match(self, change: int, node: str) -> None:
         event = MatchedChange(len(self.matches), change, self.matches.total, max(change, 0), node)

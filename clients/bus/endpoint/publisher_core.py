@@ -116,6 +116,9 @@ class PublisherCore(EndpointCore[M]):
     def is_drained(self) -> bool:
         return not (self.sender.has_unsent or self.link.is_writing)
 
+    def refuse_threads(self, reason: BusError) -> None:
+        self.sender.refuse_threads(reason)
+
     async def drain(self) -> None:
         """Before the end: hand over as much as possible in a bounded time, and log the number of lost
         messages."""

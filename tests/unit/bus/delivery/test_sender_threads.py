@@ -193,3 +193,26 @@ def test_what_they_publish_while_a_loan_is_open_comes_after_it(route: str) -> No
     assert loan.publish()
     pair.world.settle()
     assert pair.heard() == [1, 2]
+
+
+@pytest.mark.parametrize("is_first", [False, True])
+@by_either
+async def test_a_message_that_is_taken_during_the_close_is_handed_over(route: str, is_first: bool) -> None:
+    """A later one is refused, although the publisher is not closed yet: it could not be handed over."""
+    pair = Pair(route)
+    core = pair.publisher._core
+    encoded = [pair.publisher._encode(Numbered(0, number)) for number in (1, 2)]
+    if is_first:
+        assert from_thread(pair.talker, pair.publisher, encoded[0])
+    drained: list[int] = []
+
+    async def drain() -> None:
+        with pytest.raises(ConnectionClosed, match=r"this publisher on '/topic' is closed"):
+            from_thread(pair.talker, pair.publisher, encoded[1])
+        core.sender._collect_from_threads()
+        drained.append(core.sender.drop_queued())
+
+    core.drain = drain  # type: ignore[method-assign]
+    await core.close()
+    pair.world.settle()
+    assert (drained, pair.heard()) == ([0], [1] if is_first else [])
