@@ -5,11 +5,12 @@ memory: a note costs no system call, and a kill loses none. Times are of the mon
 the machine makes the notes void. Must not know routes, the engine and the graph.
 """
 
+import errno
 import fcntl
 import mmap
 import os
+import stat
 import struct
-from collections.abc import Iterable
 from hashlib import sha256
 from pathlib import Path
 
@@ -29,8 +30,8 @@ _ENTRY = struct.Struct(f"<16sQqQ{16 * _LISTENERS}s")
 """Gid, number and time of the last message, number of listeners, their gids."""
 _LAST = struct.Struct("<Qq")
 _LAST_AT = 16
-_WHO = struct.Struct(f"<Q{16 * _LISTENERS}s")
-_WHO_AT = 32
+_GIDS = struct.Struct(f"<Q{16 * _LISTENERS}s")
+_GIDS_AT = 32
 _MOST = 4096
 _KEEP_NS = 600 * 1_000_000_000
 _BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
@@ -39,7 +40,7 @@ _BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 class Journal:
     """The open file at `path`. `now_ns` is the time of the monotonic clock, as in all methods.
 
-    Raises OSError if the file can't be made, or if another bridge has it open.
+    Raises OSError if the file can't be made, belongs to another user, or is open in another bridge.
     """
 
     def __init__(self, path: Path, now_ns: int, most: int = _MOST) -> None:
@@ -47,9 +48,9 @@ class Journal:
         flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW
         file = os.open(path, flags, 0o600)
         try:
-            fcntl.flock(
-                file, fcntl.LOCK_EX | fcntl.LOCK_NB
-            )  # until the map is closed, which duplicates `file`
+            _check_owner(os.fstat(file))
+            # Until the map is closed, which duplicates `file`:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             os.ftruncate(file, size)
             # A write into a hole of a mapped file on a full disk would end the process by SIGBUS.
             os.posix_fallocate(file, 0, size)
@@ -58,19 +59,36 @@ class Journal:
             os.close(file)
         boot = _boot()
         mark, last_boot, alive_ns = _HEAD.unpack_from(self._map)
-        is_valid = (mark, last_boot) == (_MARK, boot) and 0 <= now_ns - alive_ns <= _KEEP_NS
-        self._left = dict(self._read(most)) if is_valid else {}
-        """States of routes of the last process, by gid."""
-        self._map[:] = bytes(size)
+        if not ((mark, last_boot) == (_MARK, boot) and 0 <= now_ns - alive_ns <= _KEEP_NS):
+            self._map[:] = bytes(size)
         _HEAD.pack_into(self._map, 0, _MARK, boot, now_ns)
-        self._free = [_HEAD_BYTES + number * _ENTRY.size for number in reversed(range(most))]
+        self._left: dict[bytes, int] = {}
+        """Places of the entries of earlier processes, by gid. They stay: this one may be killed soon, too."""
+        self._free: list[int] = []
+        for at in range(_HEAD_BYTES, size, _ENTRY.size):
+            gid, last, *_ = _ENTRY.unpack_from(self._map, at)
+            if last:
+                self._left[gid] = at
+            else:
+                self._free.append(at)
 
     def take(self, gid: bytes) -> Past | None:
-        """Remove and return the state in which the last process left the route of a publisher."""
-        return self._left.pop(gid, None)
+        """Remove and return the state in which an earlier process left the route of a publisher."""
+        at = self._left.pop(gid, None)
+        if at is None:
+            return None
+        _, last, newest_ns, count, gids = _ENTRY.unpack_from(self._map, at)
+        _ENTRY.pack_into(self._map, at, b"", 0, 0, 0, b"")
+        self._free.append(at)
+        listeners = frozenset(
+            gids[16 * number : 16 * number + 16] for number in range(min(count, _LISTENERS))
+        )
+        return Past(last, listeners, Account(), {}, newest_ns=newest_ns)
 
     def begin(self, gid: bytes) -> "Entry | None":
         """The entry for the route of a publisher. None if all entries are in use."""
+        if not self._free and self._left:
+            self._free.append(self._left.pop(next(iter(self._left))))
         return Entry(self._map, self._free, gid) if self._free else None
 
     def live(self, now_ns: int) -> None:
@@ -80,16 +98,6 @@ class Journal:
     def close(self) -> None:
         """Close the file. The notes stay for the next process."""
         self._map.close()
-
-    def _read(self, most: int) -> Iterable[tuple[bytes, Past]]:
-        for number in range(most):
-            gid, last, newest_ns, count, gids = _ENTRY.unpack_from(
-                self._map, _HEAD_BYTES + number * _ENTRY.size
-            )
-            if not last:
-                continue
-            listeners = frozenset(gids[16 * at : 16 * at + 16] for at in range(min(count, _LISTENERS)))
-            yield gid, Past(last, listeners, Account(), {}, newest_ns=newest_ns)
 
 
 class Entry:
@@ -110,12 +118,18 @@ class Entry:
     def note_listeners(self, gids: frozenset[bytes]) -> None:
         """Note which subscriptions get the messages: the first eight, of which one is enough."""
         some = sorted(gids)[:_LISTENERS]
-        _WHO.pack_into(self._map, self._at + _WHO_AT, len(some), b"".join(some))
+        _GIDS.pack_into(self._map, self._at + _GIDS_AT, len(some), b"".join(some))
 
     def end(self) -> None:
         """Forget the route."""
         _ENTRY.pack_into(self._map, self._at, b"", 0, 0, 0, b"")
         self._free.append(self._at)
+
+
+def _check_owner(status: os.stat_result) -> None:
+    """Raise PermissionError if another user could cut the file, which would end this process by SIGBUS."""
+    if status.st_uid != os.geteuid() or status.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+        raise PermissionError(errno.EPERM, "other users may write it")
 
 
 def _boot() -> bytes:

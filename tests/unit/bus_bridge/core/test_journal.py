@@ -42,9 +42,18 @@ def test_the_next_process_finds_where_a_route_ended_once(path: Path, journal: Jo
     assert (past.numbering, past.lost_before, past.account.losses) == ("", {}, {})
     assert after.take(A) is None
     after.close()
-    last = Journal(path, 7 * SECOND)
-    assert last.take(A) is None, "a process passes on its own notes only"
-    last.close()
+
+
+def test_notes_survive_a_process_that_did_not_need_them(path: Path, journal: Journal) -> None:
+    noted(journal, A, 9, B)
+    journal.close()
+    killed = Journal(path, 6 * SECOND)
+    noted(killed, C, 3)
+    killed.close()
+    after = Journal(path, 7 * SECOND)
+    found = [after.take(gid) for gid in (A, C)]
+    assert [one and one.last for one in found] == [9, 3]
+    after.close()
 
 
 def test_ended_routes_and_routes_without_a_message_leave_nothing(path: Path, journal: Journal) -> None:
@@ -133,6 +142,32 @@ def test_a_file_of_something_else_is_replaced(path: Path, content: bytes) -> Non
 def test_two_bridges_do_not_share_a_file(path: Path, journal: Journal) -> None:
     with pytest.raises(BlockingIOError):
         Journal(path, 6 * SECOND)
+
+
+def test_new_routes_take_the_places_of_old_notes(path: Path) -> None:
+    journal = Journal(path, 0, most=2)
+    for gid in (A, B):
+        noted(journal, gid, 9)
+    journal.close()
+    after = Journal(path, 0, most=2)
+    noted(after, C, 3)
+    assert sorted(after.take(gid) is not None for gid in (A, B)) == [False, True]
+    noted(after, A, 4)
+    assert after.begin(B) is None
+    after.close()
+    last = Journal(path, 0, most=2)
+    found = [last.take(gid) for gid in (A, B, C)]
+    assert [one and one.last for one in found] == [4, None, 3]
+    last.close()
+
+
+@pytest.mark.parametrize("mode", [0o620, 0o602])
+def test_a_file_that_others_may_write_is_not_used(path: Path, mode: int) -> None:
+    """They could cut it while it is mapped."""
+    path.touch()
+    path.chmod(mode)
+    with pytest.raises(PermissionError, match="other users may write it"):
+        Journal(path, 0)
 
 
 def test_a_link_is_not_followed(path: Path, tmp_path: Path) -> None:
