@@ -6,7 +6,8 @@ It only speaks if the figures support it:
 - `most_missed` is the most messages that were lost in a row, without one taken in between. With a depth
   higher by that number, none of them would have been lost.
 - A program that loses a large part of all messages does not stand still now and then: it is too slow, and
-  every depth overflows. In between, the figures do not say which of the two it is.
+  every depth overflows. In between, the figures do not say which of the two it is, so the advice has a
+  condition.
 """
 
 from bus.base.counted import counted
@@ -42,19 +43,20 @@ def advice(qos: QoSProfile, statistics: EndpointStatistics, hz: float | None = N
             "few, and no depth helps; do less for each message, or publish fewer"
         )
     missed, depth = statistics.most_missed, qos.depth
-    if part > _STALLS or not missed:
+    if not missed:
         return ""
     needed = depth + missed
+    condition = "" if part <= _STALLS else ", if the program keeps up between its stalls"
     known = hz if hz is not None and hz >= _LEAST_HZ else None
     if needed > _MOST_DEPTH:
         stall = f"{_span(needed / known)}, " if known else ""
         missing = counted(missed, "message")
         return f"the longest stall was {stall}{missing} too long for depth {depth}: find its cause"
     if known is None:
-        return f"depth {depth} was once too small by {counted(missed, 'message')}: depth {needed}"
+        return f"depth {depth} was once too small by {counted(missed, 'message')}: depth {needed}{condition}"
     return (
         f"depth {depth} at {_rate(known)} Hz holds {_span(depth / known)}; "
-        f"the longest stall was {_span(needed / known)}: depth {needed}"
+        f"the longest stall was {_span(needed / known)}: depth {needed}{condition}"
     )
 
 

@@ -26,6 +26,16 @@ def test_without_a_rate() -> None:
     assert advice(QoSProfile(5), counters(1, 1)) == "depth 5 was once too small by 1 message: depth 6"
 
 
+def test_a_program_that_may_be_too_slow() -> None:
+    assert advice(QoSProfile(5), counters(3000), 190.0) == (
+        "depth 5 at 190 Hz holds 26 ms; the longest stall was 142 ms: depth 27, "
+        "if the program keeps up between its stalls"
+    )
+    assert advice(QoSProfile(5), counters(1001)) == (
+        "depth 5 was once too small by 22 messages: depth 27, if the program keeps up between its stalls"
+    )
+
+
 def test_a_program_that_is_too_slow() -> None:
     assert advice(QoSProfile(5), counters(6000, 9), 190.0) == (
         "6000 of 10000 messages were replaced: the program takes too few, and no depth helps; "
@@ -47,7 +57,6 @@ def test_a_stall_that_no_depth_should_bridge() -> None:
     [
         (QoSProfile(5), counters(0, 0)),
         (QoSProfile(5), counters(missed=0)),
-        (QoSProfile(5), counters(3000)),
         (QoSProfile(5), counters(60, 60, 99)),
         (QoSProfile(history="keep_all"), counters()),
         (QoSProfile(5), EndpointStatistics(expected=100, dropped={"expired": 2}, most_missed=2)),
