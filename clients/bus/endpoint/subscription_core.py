@@ -1,6 +1,6 @@
 """The internal part of a subscription: its receiver, and messages about its matches."""
 
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Container, Coroutine, Iterable
 from functools import partial
 from time import monotonic_ns
 from typing import Any, Literal, NamedTuple, TypeAlias, TypedDict, TypeVar, Unpack
@@ -72,6 +72,32 @@ class MessageInfo(NamedTuple):
     """The `gid` of its publisher."""
 
 
+class _LastBrokers:
+    """The broker that matched each publisher last, by the publisher's gid.
+
+    After a return, a publisher that is matched by the same broker continues its numbers there.
+    """
+
+    __slots__ = ("_by_gid", "_last")
+
+    def __init__(self, broker: object) -> None:
+        self._last = broker
+        self._by_gid: dict[bytes, object] = {}
+
+    def leave(self, broker: object, matched: Iterable[bytes], kept: Container[bytes]) -> None:
+        """Handle the end of a connection, in which `broker` had matched these publishers.
+
+        Publishers that are not in `kept` are forgotten.
+        """
+        known = self._by_gid | dict.fromkeys(matched, broker)
+        self._by_gid = {gid: known[gid] for gid in known if gid in kept}
+        self._last = broker
+
+    def take(self, gid: bytes) -> object:
+        """Remove and return the broker. For an unknown publisher, it is the last one."""
+        return self._by_gid.pop(gid, self._last)
+
+
 class SubscriptionCore(EndpointCore[M]):
     """The core of one subscription. `decode` makes messages of bytes, `callback` gets each message.
 
@@ -118,8 +144,7 @@ class SubscriptionCore(EndpointCore[M]):
         self._liveliness: LivelinessWatch | None = None  # without a lease nothing is watched
         if qos.liveliness_lease_duration is not None:
             self._liveliness = LivelinessWatch(link, qos.lease_ns, self._report_liveliness)
-        self._left_broker = link.broker
-        self._left_brokers: dict[bytes, object] = {}  # by publisher's gid: the last broker that matched them
+        self._brokers = _LastBrokers(link.broker)
         self._arrivals: Arrivals[M] | None = None  # since a task waited for the first time
         self.on_arrival: Callable[[], object] | None = None
         self.on_end: Callable[[BusError], object] | None = None
@@ -284,12 +309,10 @@ class SubscriptionCore(EndpointCore[M]):
             self.rings.disconnected()
         super().disconnected()
         tracker, broker = self.receiver.tracker, self.link.broker
-        met = dict.fromkeys((proxy.gid for proxy in tracker.values()), broker)
+        matched = [proxy.gid for proxy in tracker.values()]
         self.counters.disconnected(broker)
         self.id = 0
-        self._left_broker = broker
-        known = self._left_brokers | met
-        self._left_brokers = {gid: known[gid] for gid in tracker.last_seqs if gid in known}
+        self._brokers.leave(broker, matched, tracker.last_seqs)
 
     def handle(self, message: Any, descriptors: tuple[Descriptor, ...] = ()) -> None:
         tracker, rings = self.receiver.tracker, self.rings
@@ -302,8 +325,7 @@ class SubscriptionCore(EndpointCore[M]):
                 if proxy is None and (proxy := tracker.take_back(message)) is not None:
                     received_seq = proxy.last_seq
                 if proxy is None:
-                    left = self._left_brokers.pop(message.gid, self._left_broker)
-                    is_new_broker = self.link.broker != left
+                    is_new_broker = self.link.broker != self._brokers.take(message.gid)
                     proxy = tracker.match(message, received_seq, self.qos, is_new_broker=is_new_broker)
                     if self.counters.matched(proxy):
                         self._report_lost()

@@ -10,7 +10,6 @@ reliable writers that each participant has. Other endpoints than the wanted ones
 `client.py` has what is different for a client of Discovery Servers.
 """
 
-import heapq
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from itertools import count
@@ -26,6 +25,7 @@ from bus_bridge.rtps.announcements import (
     read_participant,
     write_endpoint,
 )
+from bus_bridge.rtps.due_times import DueTimes
 from bus_bridge.rtps.far import FarParticipant, FarParticipants
 from bus_bridge.rtps.ids import (
     DISCOVERY_READERS,
@@ -115,11 +115,7 @@ class Participant:
             self._ends[entity] = Writer(entity, self._send, OF_DISCOVERY)
         for entity in (PUBLICATIONS_READER, SUBSCRIPTIONS_READER):
             self._ends[entity] = Reader(entity, self._send, self._endpoint_arrived)
-        self._touched: dict[bytes, None] = {}
-        """Entities whose `due_ns` may have changed."""
-        self._plan: list[tuple[int, int, bytes]] = []
-        self._planned: dict[bytes, int] = {}
-        self._turns = count()
+        self._due = DueTimes()
         self.gathers = False
         """Whether submessages wait for `flush`, to share datagrams with later ones."""
         self._announce_ns: int | None = None
@@ -180,7 +176,7 @@ class Participant:
             announcer.withdraw(local.announced)
             news = self._own.inline(announcer.entity, announcer.last + 1, gone=local.guid)
             announcer.write(None, now_ns, now_ns, inline=news, stays=False)
-            self._touched[announcer.entity] = None
+            self._due.touch(announcer.entity)
 
     def write(
         self,
@@ -195,7 +191,7 @@ class Participant:
         """Write a sample; returns its number. `to`: the GUID of the only reader that gets it."""
         assert local.writer is not None
         with self._turn(now_ns):
-            self._touched[local.writer.entity] = None
+            self._due.touch(local.writer.entity)
             return local.writer.write(payload, now_ns, time_ns, inline=inline, to=to)
 
     def is_known(self, local: Local, prefix: bytes) -> bool:
@@ -210,7 +206,8 @@ class Participant:
         """When `act` is due; None before `start`."""
         if self._announce_ns is None:
             return None
-        return min(self._announce_ns, self._plan[0][0]) if self._plan else self._announce_ns
+        first_ns = self._due.first_ns
+        return self._announce_ns if first_ns is None else min(self._announce_ns, first_ns)
 
     def start(self, now_ns: int) -> None:
         """Announce the participant from now on."""
@@ -225,14 +222,9 @@ class Participant:
                 for address in self._called():
                     self._announce(address)
                 self._check_leases()
-            while self._plan and self._plan[0][0] <= now_ns:
-                due_ns, _, entity = heapq.heappop(self._plan)
-                if self._planned.get(entity) != due_ns:
-                    continue  # planned anew meanwhile
-                del self._planned[entity]
+            for entity in self._due.take_due(now_ns):
                 end = self._ends.get(entity)
                 if end is not None:
-                    self._touched[entity] = None
                     end.act(now_ns)
 
     def flush(self) -> None:
@@ -275,20 +267,13 @@ class Participant:
             self._end_turn()
 
     def _end_turn(self) -> None:
-        touched, self._touched = self._touched, {}
-        for entity in touched:
-            end = self._ends.get(entity)
-            due_ns = None if end is None else end.due_ns
-            if due_ns is None:
-                self._planned.pop(entity, None)
-            elif due_ns != self._planned.get(entity):
-                self._planned[entity] = due_ns
-                heapq.heappush(self._plan, (due_ns, next(self._turns), entity))
-        if len(self._plan) > 4 * len(self._planned) + 64:
-            self._plan = [one for one in self._plan if self._planned.get(one[2]) == one[0]]
-            heapq.heapify(self._plan)
+        self._due.settle(self._due_ns_of)
         if not self.gathers:
             self._outbox.flush()
+
+    def _due_ns_of(self, entity: bytes) -> int | None:
+        end = self._ends.get(entity)
+        return None if end is None else end.due_ns
 
     def _send(self, guid: bytes, parts: Iterable[bytes]) -> None:
         far = self.far.find(guid[:PREFIX_BYTES])
@@ -331,7 +316,7 @@ class Participant:
             announcer = self._announcer(data.kind)
             inline = self._own.inline(announcer.entity, announcer.last + 1)
             local.announced = announcer.write(write_endpoint(data), now_ns, now_ns, inline=inline)
-            self._touched[announcer.entity] = None
+            self._due.touch(announcer.entity)
             for far in list(self.far.of_topic(data.topic).values()):
                 self._match(local, far)
         return local
@@ -353,7 +338,7 @@ class Participant:
         if isinstance(one, AckNack | NackFragments):
             end = self._ends.get(one.writer)
             if isinstance(end, Writer):
-                self._touched[one.writer] = None
+                self._due.touch(one.writer)
                 guid = received.source + one.reader
                 if isinstance(one, AckNack):
                     end.acknowledge(guid, one, self._now_ns)
@@ -362,7 +347,7 @@ class Participant:
             return
         guid = received.source + one.writer
         for reader in self._readers_for(one.reader, guid):
-            self._touched[reader.entity] = None
+            self._due.touch(reader.entity)
             match one:
                 case Data():
                     reader.data(guid, one, received.time_ns, self._now_ns)
@@ -415,7 +400,7 @@ class Participant:
         for entity, end in list(self._ends.items()):
             if entity not in _BUILTIN:
                 continue
-            self._touched[entity] = None
+            self._due.touch(entity)
             if isinstance(end, Writer):
                 end.add_reader(far.prefix + DISCOVERY_READERS[entity], self._now_ns)
             else:
@@ -486,7 +471,7 @@ class Participant:
         entity = local.guid[PREFIX_BYTES:]
         reliable = local.data.policies.reliable and endpoint.policies.reliable
         self._matched.setdefault(endpoint.guid, {})[entity] = local
-        self._touched[entity] = None
+        self._due.touch(entity)
         if local.writer is not None:
             local.writer.add_reader(endpoint.guid, self._now_ns, reliable=reliable)
         elif local.reader is not None:
@@ -495,7 +480,7 @@ class Participant:
     def _forget_endpoint(self, guid: bytes) -> None:
         endpoint = self.far.remove_endpoint(guid)
         for entity, local in self._matched.pop(guid, {}).items():
-            self._touched[entity] = None
+            self._due.touch(entity)
             if local.writer is not None:
                 local.writer.remove_reader(guid)
             elif local.reader is not None:
@@ -512,7 +497,7 @@ class Participant:
         for entity, end in self._ends.items():
             if entity not in _BUILTIN:
                 continue
-            self._touched[entity] = None
+            self._due.touch(entity)
             if isinstance(end, Writer):
                 end.remove_reader(far.prefix + DISCOVERY_READERS[entity])
             else:

@@ -57,6 +57,31 @@ class WriterError(Exception):
     """An event that is not possible in the current state: a bug in the bridge."""
 
 
+class _Leave:
+    """The state LEAVING. Calls `end` if importers take too long."""
+
+    __slots__ = ("_end", "_patience", "behind")
+
+    def __init__(self, end: Callable[[], None]) -> None:
+        self.behind: set[str] = set()
+        """Importers that don't have all messages yet."""
+        self._end = end
+        self._patience: asyncio.TimerHandle | None = None
+
+    def wait(self) -> None:
+        """Begin to wait for the importers' progress, from now on."""
+        if self._patience is not None:
+            self._patience.cancel()
+        self._patience = asyncio.get_running_loop().call_later(_LEAVE_S, self._end)
+
+    def cancel(self) -> None:
+        """Wait no longer, for no importer."""
+        self.behind.clear()
+        if self._patience is not None:
+            self._patience.cancel()
+            self._patience = None
+
+
 class ZenohWriter:
     """The route out of one publisher of this bus. Only `on` changes the state."""
 
@@ -77,7 +102,6 @@ class ZenohWriter:
         self._session = session
         self._on_change = on_change
         self._on_close = on_close
-        self._is_reliable = qos.reliability is Reliability.RELIABLE
         self._history: History | None = None
         if qos.durability is Durability.TRANSIENT_LOCAL:
             self._history = History(self._history_depth(rule))
@@ -96,10 +120,7 @@ class ZenohWriter:
         a stranger) are one importer."""
         self._outlet: Outlet | None = None
         self._lost: dict[str, int] = {}
-        self._behind: set[str] = set()
-        """In the state LEAVING: importers that don't have all messages yet."""
-        self._patience: asyncio.TimerHandle | None = None
-        """In the state LEAVING: the timer that ends it if importers take too long."""
+        self._leave = _Leave(self.end)
 
     @property
     def is_wanted(self) -> bool:
@@ -141,9 +162,9 @@ class ZenohWriter:
         if not self._importers or not self._number:
             self.end()
             return
-        self._behind = set(self._importers)
+        self._leave.behind = set(self._importers)
         self._probe()
-        self._wait()
+        self._leave.wait()
 
     # --- for the engine
 
@@ -165,9 +186,7 @@ class ZenohWriter:
         if endpoint != self._endpoint:
             return False
         self.on(WriterEvent.RETURN)
-        self._behind.clear()
-        if self._patience is not None:
-            self._patience.cancel()
+        self._leave.cancel()
         self._on_change = on_change
         self._follow(rule)
         self._lost = {}
@@ -179,8 +198,7 @@ class ZenohWriter:
             return
         self.on(WriterEvent.END)
         self._probing.close()
-        if self._patience is not None:
-            self._patience.cancel()
+        self._leave.cancel()
         if self._outlet is not None:
             self._outlet.undeclare()
             self._outlet = None
@@ -202,7 +220,7 @@ class ZenohWriter:
             self._number = self._window.last
         elif self._outlet is None and self.state is not WriterState.CLOSED:
             self._make_outlet()
-        self._behind &= importers
+        self._leave.behind &= importers
         self._go_on()
         if self.state is WriterState.LEAVING:
             self._end_if_arrived()
@@ -216,9 +234,9 @@ class ZenohWriter:
             self._go_on()
         if self.state is WriterState.LEAVING:
             if is_news:
-                self._wait()
+                self._leave.wait()
             if not self._rest and arrived >= self._number:
-                self._behind.discard(importer)
+                self._leave.behind.discard(importer)
             elif not self._rest:
                 self._probe()
             self._end_if_arrived()
@@ -243,6 +261,10 @@ class ZenohWriter:
         self._probing.scan()
 
     # --- internal
+
+    @property
+    def _is_reliable(self) -> bool:
+        return self._endpoint.qos.reliability is Reliability.RELIABLE
 
     def _make_outlet(self) -> None:
         self._outlet = self._session.outlet(self._key, self._rule.priority, self._begin)
@@ -312,11 +334,6 @@ class ZenohWriter:
             part = records.probe(self._window.last)
             self._outlet.put(part.payload, attachment=part.head)
 
-    def _wait(self) -> None:
-        if self._patience is not None:
-            self._patience.cancel()
-        self._patience = asyncio.get_running_loop().call_later(_LEAVE_S, self.end)
-
     def _end_if_arrived(self) -> None:
-        if not self._behind:
+        if not self._leave.behind:
             self.end()

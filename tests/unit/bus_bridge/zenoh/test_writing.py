@@ -157,7 +157,7 @@ async def test_every_cell(state: State, event: Event) -> None:
     assert scene.writer.state is following
     is_closed = following is State.CLOSED
     assert scene.session.outlets[0].is_gone is is_closed and scene.closes == is_closed
-    assert scene.writer._behind == (set() if following is State.OPEN else {RUN}) or is_closed
+    assert scene.writer._leave.behind == (set() if following is State.OPEN else {RUN}) or is_closed
     scene.writer.end()
 
 
