@@ -46,7 +46,10 @@ _PARTS = "a `/` before each part; a part is like a node's name"
 _TOPIC = f"{_PARTS}. At most {names.MAX_TOPIC_NAME_LENGTH} characters"
 GROUPS = "Both ways", "From a client", "From busd", "Records"
 BY_HAND = {
-    (QoSProfile, "depth"): f"1 to 2^{(MAX_DEPTH + 1).bit_length() - 1} - 1; with `keep_all` from 0",
+    (
+        QoSProfile,
+        "depth",
+    ): f"1 to 2^{(MAX_DEPTH + 1).bit_length() - 1} - 1; with `keep_all` from 0, and ignored",
     (QoSProfile, "deadline"): "above 0, in seconds",
     (QoSProfile, "lifespan"): "above 0, in seconds",
     (QoSProfile, "liveliness_lease_duration"): "above 0, in seconds",

@@ -1,5 +1,6 @@
 """The pages agree with the code: messages, fields, layers, presets, texts, limits, links."""
 
+import json
 import re
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping
@@ -17,6 +18,7 @@ from bus.types.support import type_support
 from bus.vocabulary import DropReason
 from bus.wire import layout, messages, records, session
 from bus.wire.runs import Account, Run, RunQueue
+from bus.wire.source_time import source_head
 from bus_bridge.core import continuity
 from bus_bridge.core.continuity import ContinuityEvent
 from bus_cli.main import COMMANDS, VERBS_WITH_VERBS, make_parser, own_words
@@ -178,18 +180,32 @@ class TestProtocol:
         assert f"{session.MAX_BATCHES} batches" in values["descriptors"]
         assert values["sequence numbers and counters"] == f"2^{layout.MAX_COUNT.bit_length()} - 1"
 
-    def test_the_two_frames(self) -> None:
+    def test_bytes(self) -> None:
         dumps = [bytes.fromhex(block) for block in fences(self.text) if re.fullmatch(r"[0-9a-f \n]+", block)]
-        encode = type_support(String).encode
+        support = type_support(String)
         records = [
-            frame_record(encode(String(data="hi")), 1_000_000_000),
-            frame_record(encode(String(data="ho")), 1_000_000_500),
+            frame_record(support.encode(String(data="hi")), 1_000_000_000),
+            frame_record(support.encode(String(data="ho")), 1_000_000_500),
         ]
         queue = RunQueue(0, Account(1 << 20), endpoint=7)
         queue.append(Run(0, 3, 5, 2, b"".join(records)))
-        head, body = queue.pop_frame()
+        run_head, run_body = queue.pop_frame()
         hello = messages.Hello(version=layout.PROTOCOL_VERSION, pid=4711, program="talker.py")
-        assert dumps == [messages.encode_frame(hello), bytes(head) + bytes(body)]
+        declared = messages.DeclareType(
+            type_name=support.name, type_hash=support.hash, schema=support.description
+        )
+        assert dumps == [
+            source_head(1_700_000_000 * 10**9) + support.encode(String(data="hi")),
+            messages.encode_frame(hello),
+            messages.encode_frame(declared),
+            bytes(run_head) + bytes(run_body),
+        ]
+
+    def test_the_type_of_a_string(self) -> None:
+        support = type_support(String)
+        (schema,) = [json.loads(block) for block in fences(self.text) if block.startswith('{"root"')]
+        assert schema == msgspec.msgpack.decode(support.description)
+        assert support.hash in self.text
 
 
 class TestArchitecture:

@@ -1,14 +1,17 @@
 """The numbers, answers and sizes of docs/ring.md are those of the headers in C and of the rings' sizes."""
 
+import os
 import re
+import struct
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from bus.base.descriptor import Descriptor
 from bus.delivery.ring_size import FIRST_CAPACITY, RingSize
-from bus.shm import has_core
+from bus.shm import has_core, segments
 from bus.shm.segments import RING_HEAD_BYTES
 from rows import for_each
 
@@ -17,6 +20,7 @@ PAGE = (ROOT / "docs" / "ring.md").read_text()
 SHM = ROOT / "clients" / "bus" / "shm"
 HEADERS = {path.name: path.read_text() for path in SHM.glob("*.h")}
 WORDS = " ".join(PAGE.split())
+FORMS = {"8 bytes": "8s", "u32": "I", "u64": "Q"}
 
 
 def constant(name: str) -> int:
@@ -82,3 +86,50 @@ def test_sizes(row: list[str]) -> None:
     sizes.allow(64 << 20)
     grown = sizes.larger(writer, size if reason == "message" else 0, int(keep), must=reason == "message")
     assert grown == (int(capacity), int(index))
+
+
+def geometry(memory: Descriptor, title: str) -> dict[str, int | str]:
+    """The fields in a memory, by the table in that section of the page."""
+    section = PAGE.partition(f"\n## {title}\n")[2].partition("\n## ")[0]
+    found: dict[str, int | str] = {}
+    for offset, name, form in re.findall(r"^\| (\d+) ([a-z ]+) \| ([\w ]+) \|", section, re.MULTILINE):
+        size = struct.calcsize(FORMS[form])
+        (value,) = struct.unpack(FORMS[form], os.pread(memory.number, size, int(offset)))
+        found[name] = value.decode() if form == "8 bytes" else value
+    return found
+
+
+@pytest.mark.skipif(not has_core(), reason="the native core was not built")
+def test_a_publishers_segment() -> None:
+    memory, _ = segments.make_ring(4096, 64, 7)
+    size = 640 + 8 * 64 + 4096
+    assert geometry(memory, "A publisher's segment") == {
+        "magic": "busdring",
+        "version": 1,
+        "header bytes": 640,
+        "segment bytes": size,
+        "capacity": 4096,
+        "index length": 64,
+        "index offset": 640,
+        "data offset": 640 + 8 * 64,
+        "first seq": 7,
+    }
+    assert os.fstat(memory.number).st_size == size == 5248
+    rest = os.pread(memory.number, size, 64)
+    oldest, latest = (struct.pack("<Q", number) for number in (7, 6))
+    assert rest == bytes(64) + oldest + bytes(120) + latest + bytes(size - 264)
+    memory.close()
+
+
+@pytest.mark.skipif(not has_core(), reason="the native core was not built")
+def test_a_process_s_readers_segment() -> None:
+    memory, _ = segments.make_readers(1020)
+    assert geometry(memory, "A process's readers' segment") == {
+        "magic": "busdread",
+        "version": 1,
+        "header bytes": 256,
+        "segment bytes": 65536,
+        "slot count": 1020,
+    }
+    assert os.pread(memory.number, 1 << 17, 32) == bytes(65536 - 32)
+    memory.close()

@@ -70,7 +70,21 @@ def test_the_hash_of_the_requests_is_ros_2s() -> None:
     }
     body = field_type(1, nested=f"{name}_{DIGEST}")
     text = described(name, ("client", BYTES_16), ("number", UINT64), ("body", body), needs=(inner,))
+    assert TEXTS[2].replace("\n", " ") == text
     assert HASHES[2] == f"RIHS01_{sha(text)}" == SUPPORT.requests.hash
+    declared = msgspec.msgpack.decode(SUPPORT.requests.description)
+    assert all(field.pop("required") is True for field in declared["types"][name]["fields"])
+    assert declared["types"] == {
+        name: {
+            "array": True,
+            "fields": [
+                {"name": "client", "type": ["bytes", 16, 16]},
+                {"name": "number", "type": "uint64"},
+                {"name": "body", "type": f"{name}_{DIGEST}"},
+            ],
+        },
+        f"{name}_{DIGEST}": {"array": True, "fields": [{"name": field, "type": "int64"} for field in "ab"]},
+    }
 
 
 def test_the_hash_of_the_responses_is_of_the_schema() -> None:

@@ -161,8 +161,10 @@ static inline const char *ring_check(const void *memory, uint64_t mapped_bytes, 
     const uint64_t bytes = ring_segment_bytes(copy->capacity, copy->index_length);
     if (bytes == 0)
         return "ring's capacity or index length is out of bounds";
-    if (copy->data_offset != ring_data_offset(copy->index_length) || copy->segment_bytes != bytes)
-        return "ring's offsets contradict its sizes";
+    if (copy->data_offset != ring_data_offset(copy->index_length))
+        return "ring's data offset is not that of its index length";
+    if (copy->segment_bytes != bytes)
+        return "ring's segment bytes are not its data offset and its capacity";
     if (mapped_bytes < bytes)
         return "segment is shorter than its ring";
     if (copy->first_seq == 0)
@@ -184,8 +186,10 @@ static inline const char *readers_check(const void *memory, uint64_t mapped_byte
     if (copy->header_bytes != sizeof(struct readers_header))
         return "readers' header has a wrong size";
     const uint64_t bytes = readers_segment_bytes(copy->slot_count);
-    if (bytes == 0 || copy->segment_bytes != bytes)
-        return "readers' slot count contradicts its size";
+    if (bytes == 0)
+        return "readers' slot count is out of bounds";
+    if (copy->segment_bytes != bytes)
+        return "readers' segment bytes are not its header and its slots";
     if (mapped_bytes < bytes)
         return "segment is shorter than its slots";
     return NULL;
