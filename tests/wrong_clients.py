@@ -402,7 +402,7 @@ WAYS = [
     Way(NoWindow, "talk", "window", "sent sample 4; its credit is 0, and window_samples of Created is 3"),
     Way(NoCredit, "talk", "window", "did not send sample 6 after Credit for 3; its last one was 3"),
     Way(NoLimit, "relay", "limit", "has 203 bytes; max_message_bytes of Created is 200"),
-    Way(SmallBuffer, "relay", "growth", "sample 3 did not come back"),
+    Way(SmallBuffer, "relay", "growth", "sample 3, of 100006 bytes, did not come back by socket and socket"),
     Way(NoReturn, "talk", "restart", "the client ended with status 1"),
     Way(NewGids, "talk", "restart", "did not come back with its gid"),
     Way(NumbersFromOne, "talk", "restart", "next_seq is 1, but its samples up to"),

@@ -150,7 +150,10 @@ async def play(stage: RealStage) -> str:
     if gone:
         lost = ", ".join(one.topic for one in before if one.gid in gone)
         raise Wrong(f"after a kill of busd it did not declare again, with the same gid: {lost}")
-    await _exchange(stage, after)
+    try:
+        await _exchange(stage, after)
+    except Wrong as error:
+        raise Wrong(f"after a kill of busd: {error}") from None
     return f"{', '.join(told)}; the same after a kill of busd"
 
 
@@ -254,9 +257,11 @@ async def _return(
         await stage.within(
             subscription.wait_for_publishers(), f"its publisher on {target.topic} was not matched"
         )
+        routes = f"{await _route(stage, one)} and {await _route(stage, target)}"
         for number, body in enumerate(bodies, 1):
             publisher.publish_encoded(body)
-            payload, _ = await stage.within(subscription.receive(), f"sample {number} did not come back")
+            what = f"sample {number}, of {len(body)} bytes, did not come back by {routes}"
+            payload, _ = await stage.within(subscription.receive(), what)
             if bytes(payload) != body:
                 raise Wrong(f"sample {number} ({_shown(body)}) came back as {_shown(bytes(payload))}")
         routes = f"{await _route(stage, one)} and {await _route(stage, target)}"
