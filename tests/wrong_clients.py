@@ -98,6 +98,24 @@ class Microseconds(Client):
         super().write(raw)
 
 
+class OtherByteOrder(Client):
+    def write(self, raw: bytes) -> None:
+        if raw[4] == 2:
+            raw = raw[: RUN.size] + raw[RUN.size : RUN.size + 4][::-1] + raw[RUN.size + 4 :]
+        super().write(raw)
+
+
+class OneRecordTooMany(Client):
+    def write(self, raw: bytes) -> None:
+        super().write(raw[:24] + b"\2" + raw[25:] if raw[4] == 2 else raw)
+
+
+class BytesBehind(Client):
+    def write(self, raw: bytes) -> None:
+        length = int.from_bytes(raw[:4], "little") + 3
+        super().write(length.to_bytes(4, "little") + raw[4:] + b"end" if raw[4] == 2 else raw)
+
+
 class NoArray(Client):
     def send_sample(self, endpoint: Endpoint, payload: bytes) -> None:
         super().send_sample(endpoint, payload[1:])
@@ -132,6 +150,11 @@ class NoPing(Client):
             self.sent_s = time.monotonic()
         else:
             super().send(tag, **fields)
+
+
+class LengthOfAll(NoPing):
+    def write(self, raw: bytes) -> None:
+        super().write(len(raw).to_bytes(4, "little") + raw[4:])
 
 
 class NoUnknownField(Client):
@@ -323,6 +346,13 @@ class OneQuestion(Caller):
             super().ask()
 
 
+class OneCallNumber(Caller):
+    def talk(self) -> None:
+        if not self.waits:
+            self.number = 0
+        super().talk()
+
+
 class AsksForEver(Caller):
     def take_sample(self, payload: bytes) -> None:
         if not self.is_unsure:
@@ -373,6 +403,12 @@ WAYS = [
     Way(GuessedEndpoint, "talk", "publish", "a data frame names 2; its publishers are 42"),
     Way(WallClock, "talk", "publish", "s in the future; stamps are CLOCK_MONOTONIC"),
     Way(Microseconds, "talk", "publish", "before the client's start; stamps are CLOCK_MONOTONIC in ns"),
+    Way(OtherByteOrder, "talk", "publish", "record 1 of 1 in a data frame of publisher 42 on /topic claims"),
+    Way(OneRecordTooMany, "talk", "publish", "publisher 42 on /topic has no record 2; its `count` is 2"),
+    Way(BytesBehind, "talk", "publish", "publisher 42 on /topic has 3 bytes behind its 1 record"),
+    Way(
+        LengthOfAll, "talk", "hello", "its last frame is not complete: `length` counts the bytes after itself"
+    ),
     Way(NoArray, "talk", "publish", "is no std_msgs/msg/String: Expected `array`, got `str`"),
     Way(SameNumber, "talk", "publish", "sent sample 1; its next number is at least 2"),
     Way(LongLength, "talk", "hello", "control message not understood"),
@@ -395,17 +431,23 @@ WAYS = [
     Way(HappyRefusal, "talk", "refusal", "it ended with status 0, as if nothing was refused"),
     Way(FaultIsTheEnd, "talk", "fault", "after a Fault with `again`: the client ended with status 1"),
     Way(LaterFaultIsTheEnd, "relay", "fault", "after a Fault: the client ended with status 1"),
-    Way(NoAck, "relay", "subscribe", "no Ack of sample 2 came for subscription 42 on /conformance/in"),
+    Way(NoAck, "relay", "subscribe", "no Ack of sample 3 came for subscription 42 on /conformance/in"),
     Way(EventIsTheEnd, "listen", "events", "the client ended with status 1"),
     Way(FirstMatchOnly, "talk", "events", "did not send sample"),
-    Way(OneNumberForAll, "relay", "events", "returned fewer than the 4 samples of /conformance/in"),
+    Way(
+        OneNumberForAll,
+        "relay",
+        "events",
+        "returned fewer than the 4 samples of /conformance/in, of which 2 are of a second publisher with "
+        "numbers from 1: 2 within",
+    ),
     Way(NoWindow, "talk", "window", "sent sample 4; its credit is 0, and window_samples of Created is 3"),
     Way(NoCredit, "talk", "window", "did not send sample 6 after Credit for 3; its last one was 3"),
     Way(NoLimit, "relay", "limit", "has 203 bytes; max_message_bytes of Created is 200"),
     Way(SmallBuffer, "relay", "growth", "sample 3, of 100006 bytes, did not come back by socket and socket"),
     Way(NoReturn, "talk", "restart", "the client ended with status 1"),
     Way(NewGids, "talk", "restart", "did not come back with its gid"),
-    Way(NumbersFromOne, "talk", "restart", "next_seq is 1, but its samples up to"),
+    Way(NumbersFromOne, "talk", "restart", "next_seq is 1, and it is at least 2 after its sample 1"),
     Way(
         NoReturn, "talk", "real", "it did not come back after a kill of busd; the client ended with status 1"
     ),
@@ -422,6 +464,7 @@ WAYS = [
     Way(AllReplies, "call", "call", "it did not ask about call 1 of /add after it had lost the connection"),
     Way(NoQuestion, "call", "call", "it did not ask about call 1 of /add after it had lost the connection"),
     Way(OneQuestion, "call", "call", "it did not ask again about call 1 of /add"),
+    Way(OneCallNumber, "call", "call", "it used the number 1 for another call of /add"),
     Way(AsksForEver, "call", "call", "it asked once more about call 1 of /add, which has ended"),
 ]
 

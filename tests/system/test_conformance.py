@@ -2,6 +2,7 @@
 
 import asyncio
 import os
+import re
 import sys
 from pathlib import Path
 
@@ -39,8 +40,8 @@ async def play(stories: list[tuple[str, list[str]]]) -> list[tuple[str, str]]:
 
     async def one(story: str, command: list[str]) -> tuple[str, str]:
         async with places:
-            mark, text, _ = await outcome(story, command, SOON_S)
-            return mark, text
+            found = await outcome(story, command, SOON_S)
+            return found.mark, found.text
 
     return await asyncio.gather(*(one(story, command) for story, command in stories))
 
@@ -89,6 +90,30 @@ async def test_a_lossless_relay_shows_that_it_acknowledges() -> None:
     relay = [sys.executable, str(TESTS / "lossless_client.py"), "relay"]
     text = "/conformance/in: 3 samples returned on /conformance/out, 3 samples acknowledged"
     assert await play([("subscribe", relay)]) == [("ok", text)]
+
+
+@on_one_loop
+async def test_a_transient_local_talker_sends_its_history_again() -> None:
+    latched = [sys.executable, str(TESTS / "latched_client.py"), "talk"]
+    outcomes = await play([(story, latched) for story in ("fault", "restart", "real")])
+    assert [mark for mark, _ in outcomes] == ["ok"] * 3, outcomes
+
+
+@pytest.mark.parametrize(
+    ("story", "way", "role", "place"),
+    [
+        ("declare", "OtherHash", "talk", 'docs/protocol.md, "Types and payloads"'),
+        ("publish", "OtherByteOrder", "talk", 'docs/protocol.md, "Frames"'),
+        ("subscribe", "NoAck", "relay", 'docs/protocol.md, "Keep all"'),
+        ("serve", "LateReplies", "serve", 'docs/services.md, "On the bus"'),
+    ],
+)
+@on_one_loop
+async def test_the_section_to_read(story: str, way: str, role: str, place: str) -> None:
+    found = await outcome(story, [*WRONG, way, role], SOON_S)
+    assert (found.mark, found.place) == ("fail", place)
+    page, section = re.fullmatch(r'(\S+), "(.*)"', place).groups()  # type: ignore[union-attr]
+    assert f"# {section}\n" in (TESTS.parent / page).read_text()
 
 
 @on_one_loop
@@ -144,9 +169,9 @@ async def test_no_client_survives_its_story(tmp_path: Path, monkeypatch: pytest.
         "pathlib.Path(sys.argv[1]).write_text(str(os.getpid())); print('ready', flush=True); signal.pause()"
     )
     place = tmp_path / "pid"
-    mark, text, output = await outcome("hello", [sys.executable, "-c", code, str(place)], 1.0)
-    assert (mark, text) == ("fail", "it did not connect within 1 s to the socket in BUSD_SOCKET")
-    assert output == "ready\n"
+    found = await outcome("hello", [sys.executable, "-c", code, str(place)], 1.0)
+    assert found[:2] == ("fail", "it did not connect within 1 s to the socket in BUSD_SOCKET")
+    assert found.output == "ready\n"
     with pytest.raises(ProcessLookupError):
         os.kill(int(place.read_text()), 0)
 

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 from bus import names
+from bus.base.counted import counted
 from bus.errors import BusError
 from bus.qos import QoSProfile
 from bus.schema import MessageSchema
@@ -21,7 +22,7 @@ from bus.wire.layout import DATA, DATA_HEAD, DATA_HEAD_BYTES, LENGTH_BYTES, RECO
 from bus.wire.runs import Run
 from bus_cli.doctor.conformance import payloads
 
-__all__ = ["USUAL", "Conversation", "Endpoint", "LeftOut", "Terms", "Wrong", "is_plain"]
+__all__ = ["KEEP_ALL", "USUAL", "Conversation", "Endpoint", "LeftOut", "Terms", "Wrong", "is_plain"]
 
 GID_BYTES = 16
 _MOST_PAYLOADS = 1000
@@ -29,9 +30,20 @@ _AHEAD_NS = 100_000_000
 """How far a stamp may be ahead: another processor may have a slightly different view of the clock."""
 _PLUMBING = ("/rosout", "/parameter_events")
 
+KEEP_ALL = "Keep all"
+_FRAMES, _TYPES = "Frames", "Types and payloads"
+"""Sections of docs/protocol.md."""
+
 
 class Wrong(Exception):
-    """The client has done something wrong."""
+    """The client has done something wrong.
+
+    `section`: the one of docs/protocol.md to read, if it is not that of the story.
+    """
+
+    def __init__(self, text: str, section: str = "") -> None:
+        super().__init__(text)
+        self.section = section
 
 
 class LeftOut(Exception):
@@ -213,11 +225,12 @@ class Conversation:
             try:
                 computed = MessageSchema.of(schema.description)
             except (BusError, ValueError, TypeError, KeyError) as error:
-                raise Wrong(f"DeclareType of {name} has a bad schema: {error}") from None
+                raise Wrong(f"DeclareType of {name} has a bad schema: {error}", _TYPES) from None
             if computed.type_hash != told:
-                raise Wrong(f"DeclareType of {name} says {told}; its schema has {computed.type_hash}")
+                text = f"DeclareType of {name} says {told}; its schema has {computed.type_hash}"
+                raise Wrong(text, _TYPES)
             if computed.type_name != name:
-                raise Wrong(f"DeclareType of {name} has the schema of {computed.type_name}")
+                raise Wrong(f"DeclareType of {name} has the schema of {computed.type_name}", _TYPES)
         self._types[name, told] = schema
 
     def _create_node(self, message: m.CreateNode) -> m.Message:
@@ -308,9 +321,10 @@ class Conversation:
     def _acknowledge(self, ack: m.Ack) -> None:
         one = self._own("Ack", ack.subscription, is_publisher=False)
         if ack.source != one.partner:
-            raise Wrong(f"Ack names source {ack.source}; the publisher of {one} is {one.partner}")
+            text = f"Ack names source {ack.source}; the publisher of {one} is {one.partner}"
+            raise Wrong(text, KEEP_ALL)
         if ack.seq > one.last_seq:
-            raise Wrong(f"Ack of sample {ack.seq}; {one} got samples up to {one.last_seq}")
+            raise Wrong(f"Ack of sample {ack.seq}; {one} got samples up to {one.last_seq}", KEEP_ALL)
         one.acknowledged = max(one.acknowledged, ack.seq)
 
     def _publish(self, run: Run, now_ns: int) -> Iterator[m.Message]:
@@ -320,6 +334,8 @@ class Conversation:
         if run.first_seq <= one.last_seq:
             least = f"at least {one.last_seq + 1}"
             raise Wrong(f"{one} sent sample {run.first_seq}; its next number is {least}")
+        if not run.is_whole:
+            raise Wrong(_misfit(one, run), _FRAMES)
         for seq, (payload, stamp_ns) in enumerate(run.records(), run.first_seq):
             self._check_sample(one, seq, bytes(payload), stamp_ns, now_ns)
         one.last_seq = run.first_seq + run.count - 1
@@ -346,10 +362,24 @@ class Conversation:
         if stamp_ns < one.stamp_ns:
             raise Wrong(f"{what} is stamped before the sample ahead of it")
         if (fault := payloads.fault(one.schema, payload)) is not None and not _is_question(one, payload):
-            raise Wrong(f"{what} is no {one.schema.type_name}: {fault}")
+            raise Wrong(f"{what} is no {one.schema.type_name}: {fault}", _TYPES)
         one.stamp_ns = stamp_ns
         one.samples += 1
         one.payloads.append(payload)
+
+
+def _misfit(one: Endpoint, run: Run) -> str:
+    """How the records of a run do not fill its frame."""
+    body = memoryview(run.body)
+    for number in range(1, run.count + 1):
+        if len(body) < RECORD_HEAD.size:
+            return f"a data frame of {one} has no record {number}; its `count` is {run.count}"
+        (size, _), body = RECORD_HEAD.unpack_from(body), body[RECORD_HEAD.size :]
+        if size > len(body):
+            text = f"record {number} of {run.count} in a data frame of {one} claims {size} bytes"
+            return f"{text}; the frame has {len(body)} more"
+        body = body[size:]
+    return f"a data frame of {one} has {len(body)} bytes behind its {counted(run.count, 'record')}"
 
 
 def is_plain(topic: str) -> bool:

@@ -5,15 +5,16 @@ import tempfile
 from argparse import Namespace
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 from bus.logger import Severity, get_logger
 from bus_cli.doctor.conformance.conversation import LeftOut, Wrong
-from bus_cli.doctor.conformance.stories import STORIES
+from bus_cli.doctor.conformance.stories import PROTOCOL, STORIES
 from bus_cli.exitcodes import EXIT_ERROR
 from bus_cli.output import CommandError, print_json, say
 from bus_cli.stream import run_stream
 
-__all__ = ["main", "outcome"]
+__all__ = ["Outcome", "main", "outcome"]
 
 _LINES = 5
 """Lines of the client's output that are shown with a mistake."""
@@ -39,36 +40,51 @@ async def _play(args: Namespace, command: Sequence[str]) -> tuple[list[str], int
     chosen = [name for name in STORIES if not args.story or name in args.story]
     wrong, left_out = [], 0
     for name in chosen:
-        mark, text, output = await outcome(name, command, args.wait)
-        if mark == "fail":
+        found = await outcome(name, command, args.wait)
+        if found.mark == "fail":
             wrong.append(name)
-        left_out += mark == "-"
-        _print(args, name, mark, text, output)
+        left_out += found.mark == "-"
+        _print(args, name, found)
     return wrong, len(chosen) - left_out
 
 
-async def outcome(name: str, command: Sequence[str], wait_s: float) -> tuple[str, str, str]:
-    """Play one story: mark, text, and the output of a wrong client."""
+class Outcome(NamedTuple):
+    """The outcome of a story."""
+
+    mark: str
+    text: str
+    output: str = ""
+    """Of a wrong client."""
+    place: str = ""
+    """The page and the section to read about the mistake."""
+
+
+async def outcome(name: str, command: Sequence[str], wait_s: float) -> Outcome:
+    """Play one story."""
+    story = STORIES[name]
     with tempfile.TemporaryDirectory(prefix="busd-") as folder:
-        stage = STORIES[name].stage(command, Path(folder), wait_s)
+        stage = story.stage(command, Path(folder), wait_s)
         try:
             async with stage:
-                return "ok", await STORIES[name].play(stage), ""
+                return Outcome("ok", await story.play(stage))
         except LeftOut as reason:
-            return "-", f"left out: {reason}", ""
+            return Outcome("-", f"left out: {reason}")
         except Wrong as mistake:
-            return "fail", str(mistake), stage.client.output
+            place = (
+                f'{PROTOCOL}, "{mistake.section}"' if mistake.section else f'{story.page}, "{story.section}"'
+            )
+            return Outcome("fail", str(mistake), stage.client.output, place)
         except (FileNotFoundError, PermissionError) as error:
             raise CommandError(f"{command[0]} can't be started: {error.strerror}") from None
 
 
-def _print(args: Namespace, name: str, mark: str, text: str, output: str) -> None:
-    lines = [line for line in output.splitlines() if line.strip()][-_LINES:]
+def _print(args: Namespace, name: str, found: Outcome) -> None:
+    lines = [line for line in found.output.splitlines() if line.strip()][-_LINES:]
     if args.json:
-        print_json({"story": name, "mark": mark, "text": text, "output": lines})
+        print_json({"story": name, "mark": found.mark, "text": found.text, "output": lines})
         return
-    say(f"[{mark:^4}] {name}: {text}")
-    if mark == "fail":
+    say(f"[{found.mark:^4}] {name}: {found.text}")
+    if found.mark == "fail":
         for line in lines:
             say(f"       | {line}")
-        say(f'       -> {STORIES[name].page}, "{STORIES[name].section}"')
+        say(f"       -> {found.place}")

@@ -100,7 +100,8 @@ async def play_call(stage: Stage) -> str:
         return sum(it.body == _NIL and it.number == call.number for it in found)
 
     said = f"about call {call.number} of {one.name}"
-    await peer.until(questions, f"it did not ask {said} after it had lost the connection")
+    text = f"it did not ask {said} after it had lost the connection"
+    await peer.until(questions, f"{text} (it may have taken a reply to another client for its own)")
     await peer.until(lambda: questions() > 1, f"it did not ask again {said}: a bridge may lose a question")
     await _send(peer, again.replies, [_packed(call.client, call.number, error="")])
     await peer.sign(f"after the reply that its server does not know call {call.number}")
@@ -108,6 +109,9 @@ async def play_call(stage: Stage) -> str:
     await peer.listen(_REST_S)
     if questions() > before:
         raise Wrong(f"it asked once more {said}, which has ended")
+    later = [_request(again, payload) for payload in again.requests.payloads]
+    if any(it.number == call.number and it.body != _NIL for it in later):
+        raise Wrong(f"it used the number {call.number} for another call of {one.name}; each has its own")
     return f"{one.name}: asked about call {call.number} until it knew that the call was lost"
 
 

@@ -168,13 +168,26 @@ class Peer:
         body = msgspec.msgpack.encode({"m": tag, **fields})
         await self.write(FRAME_HEAD.pack(FRAME_HEAD_BYTES - LENGTH_BYTES + len(body), CONTROL, 0, 0) + body)
 
-    async def until(self, done: Callable[[], Any], what: str, wait_s: float | None = None) -> None:
-        """Take and answer what the client sends until `done`. Raises Wrong with `what` after `wait_s`."""
+    async def until(
+        self,
+        done: Callable[[], Any],
+        what: str | Callable[[], str],
+        wait_s: float | None = None,
+        section: str = "",
+    ) -> None:
+        """Take and answer what the client sends until `done`. Raises Wrong with `what` after `wait_s`.
+
+        `what`: a text, or its maker, which is called at the end. `section`: as in Wrong.
+        """
         wait_s = wait_s or self._stage.wait_s
         end = asyncio.get_running_loop().time() + wait_s
         while not done():
             if not await self._turn() and asyncio.get_running_loop().time() > end:
-                raise Wrong(f"{what} within {wait_s:g} s")
+                text = f"{what() if callable(what) else what} within {wait_s:g} s"
+                if self._session.reader.is_unfinished:
+                    text += "; its last frame is not complete: `length` counts the bytes after itself"
+                    section = "Frames"
+                raise Wrong(text, section)
 
     async def listen(self, seconds: float) -> None:
         """Take and answer what the client sends, for a time."""

@@ -12,12 +12,14 @@ import msgspec
 from bus.base.counted import counted
 from bus.wire import messages as m
 from bus_cli.doctor.conformance import payloads, real, services
-from bus_cli.doctor.conformance.conversation import Endpoint, LeftOut, Terms, Wrong, is_plain
+from bus_cli.doctor.conformance.conversation import KEEP_ALL, Endpoint, LeftOut, Terms, Wrong, is_plain
 from bus_cli.doctor.conformance.options import RELAY
 from bus_cli.doctor.conformance.real import RealStage
 from bus_cli.doctor.conformance.stage import Ended, Peer, Stage
 
-__all__ = ["STORIES", "Story"]
+__all__ = ["PROTOCOL", "STORIES", "Story", "least_next_seq"]
+
+PROTOCOL = "docs/protocol.md"
 
 _SAMPLES = 3
 _PING_LEASE_S = 1.0
@@ -37,7 +39,7 @@ class Story(NamedTuple):
     """The section to read if the client is wrong."""
     stage: type[Stage | RealStage] = Stage
     """The stage, which `play` gets."""
-    page: str = "docs/protocol.md"
+    page: str = PROTOCOL
 
 
 async def _hello(stage: Stage) -> str:
@@ -169,7 +171,7 @@ async def _back(stage: Stage, after: str) -> Peer:
     try:
         return await stage.declared()
     except Wrong as error:
-        raise Wrong(f"after {after}: {error}") from None
+        raise Wrong(f"after {after}: {error}", error.section) from None
 
 
 async def _events(stage: Stage) -> str:
@@ -229,8 +231,8 @@ async def _fill_window(peer: Peer, one: Endpoint, when: str) -> None:
 
 async def _published(peer: Peer, one: Endpoint, seq: int, when: str) -> None:
     """Wait until a publisher has sent its sample `seq`."""
-    text = f"{one} did not send sample {seq} {when}; its last one was {one.last_seq}"
-    await peer.until(lambda: one.last_seq >= seq, text)
+    text = f"{one} did not send sample {seq} {when}; its last one was"
+    await peer.until(lambda: one.last_seq >= seq, lambda: f"{text} {one.last_seq}")
 
 
 async def _limit(stage: Stage) -> str:
@@ -283,8 +285,8 @@ def _compare(old: Endpoint, new: Endpoint | None) -> None:
         raise Wrong(f"{old} did not come back with its gid {old.gid.hex()}")
     if (old.is_publisher, old.topic) != (new.is_publisher, new.topic):
         raise Wrong(f"the gid of {old} came back for {new}")
-    if old.is_publisher and new.next_seq <= old.last_seq:
-        text = f"next_seq is {new.next_seq}, but its samples up to {old.last_seq} had come"
+    if old.is_publisher and new.next_seq < (least := least_next_seq(old)):
+        text = f"next_seq is {new.next_seq}, and it is at least {least} after its sample {old.last_seq}"
         raise Wrong(f"{old} came back with an old number: {text}")
     if not old.is_publisher and old.samples:
         said = new.last_seqs.get(old.partner_gid)
@@ -294,6 +296,14 @@ def _compare(old: Endpoint, new: Endpoint | None) -> None:
                 f"{old} came back with {text} in last_seqs for publisher {old.partner_gid.hex()}; it had "
                 f"received samples up to {old.last_seq}"
             )
+
+
+def least_next_seq(one: Endpoint) -> int:
+    """The lowest number with which a publisher may continue at another busd."""
+    if one.qos.durability != "transient_local":
+        return one.last_seq + 1
+    # It sends its history again.
+    return 1 if one.qos.history == "keep_all" else max(1, one.last_seq + 1 - one.qos.depth)
 
 
 def _relay(peer: Peer) -> tuple[Endpoint, Endpoint] | None:
@@ -321,7 +331,7 @@ async def _confirm(peer: Peer, one: Endpoint) -> str:
     shown = [await _returned(peer, *relay)] if relay is not None and relay[0] is one else []
     if one.qos.is_lossless:
         what = f"no Ack of sample {one.last_seq} came for {one}"
-        await peer.until(lambda: one.acknowledged >= one.last_seq, what)
+        await peer.until(lambda: one.acknowledged >= one.last_seq, what, section=KEEP_ALL)
         shown.append(f"{one.samples} samples acknowledged")
     if not shown:
         await peer.sign(f"after {one.samples} samples for {one}")
@@ -332,7 +342,9 @@ async def _confirm(peer: Peer, one: Endpoint) -> str:
 async def _returned(peer: Peer, source: Endpoint, target: Endpoint) -> str:
     sent = [payloads.make(source.schema, number) for number in range(1, source.samples + 1)]
     what = f"{target} returned fewer than the {len(sent)} samples of {source.topic}"
-    await peer.until(lambda: len(target.payloads) >= len(sent), what)
+    if source.partners > 1:
+        what += f", of which {source.last_seq} are of a second publisher with numbers from 1"
+    await peer.until(lambda: len(target.payloads) >= len(sent), lambda: f"{what}: {len(target.payloads)}")
     for number, (there, back) in enumerate(zip(sent, target.payloads, strict=False), 1):
         if there != back:
             assert there is not None
@@ -375,7 +387,7 @@ STORIES: Mapping[str, Story] = {
     "refusal": Story(_refusal, "Errors and limits"),
     "fault": Story(_fault, "The session"),
     "events": Story(_events, "From busd"),
-    "window": Story(_window, "Keep all"),
+    "window": Story(_window, KEEP_ALL),
     "limit": Story(_limit, "From busd"),
     "restart": Story(_restart, "When busd goes away"),
     "serve": Story(services.play_serve, "On the bus", page="docs/services.md"),
