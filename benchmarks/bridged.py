@@ -1,4 +1,4 @@
-"""Two buses with bridges between them, a bus with a bridge to DDS, and rivals without a bus.
+"""Two buses with bridges between them, a bus with a bridge to DDS or to ROS 2, and rivals without a bus.
 
 Everything runs on loopback, so no figure includes a network.
 """
@@ -12,7 +12,7 @@ from importlib.util import find_spec
 
 from benchmarks import ros
 from benchmarks.harness import Child, Group
-from benchmarks.systems import BUS, CYCLONE, ZENOH, Speed
+from benchmarks.systems import BUS, CYCLONE, RCLPY, ROS, ZENOH, Speed
 from bus.base.optional import how_to_install
 
 ENGINES = {"zenoh": ("zenoh", "eclipse-zenoh"), "ros2": ("cyclonedds", "cyclonedds")}
@@ -65,6 +65,19 @@ def serve_ros2(group: Group, module: str, carrier: str = "cyclonedds") -> list[C
     return [busd, start_bridge(group, "ros2", "--domain-id", domain, "--carrier", carrier, name="bridge")]
 
 
+def serve_with_ros(group: Group, module: str = "") -> list[Child]:
+    """Start a bus, and its bridge to the domain of programs of ROS 2, on loopback."""
+    group.environ.update(ros.environ(group.folder) | ros.with_large_buffers(group.folder))
+    busd = group.start_busd()
+    words = ("--domain-id", group.environ["ROS_DOMAIN_ID"])
+    return [busd, start_bridge(group, "ros2", *words, name="bridge")]
+
+
+def without_ros() -> str:
+    """As `missing`, for programs of ROS 2."""
+    return missing("ros2") or ros.missing()
+
+
 def _serve_endpoint(group: Group, module: str) -> list[Child]:
     group.environ["BENCH_ENDPOINT"] = f"tcp/127.0.0.1:{free_port()}"
     return []
@@ -105,6 +118,20 @@ FROM_DDS = TO_DDS._replace(name="cyclonedds - busd", publisher=CYCLONE.module, m
 _BY_RTPS = partial(serve_ros2, carrier="rtps")
 TO_DDS_BY_RTPS = TO_DDS._replace(name="busd - RTPS - cyclonedds", serve=_BY_RTPS)
 FROM_DDS_BY_RTPS = FROM_DDS._replace(name="cyclonedds - RTPS - busd", serve=_BY_RTPS)
+
+TO_ROS = RCLPY._replace(
+    name="busd, rclpy - rclpy, Fast DDS",
+    serve=serve_with_ros,
+    missing=without_ros,
+    route="bridge",
+    runner=ROS.runner,
+    publisher_runner=RCLPY.runner,
+    guess=ROS.guess,
+)
+"""The same program at both ends: on busd's facade, and on ROS 2."""
+FROM_ROS = TO_ROS._replace(
+    name="rclpy, Fast DDS - busd, rclpy", route="", runner=RCLPY.runner, publisher_runner=ROS.runner
+)
 
 SYSTEMS = (
     PLAIN_ZENOH,

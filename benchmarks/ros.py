@@ -26,6 +26,19 @@ _LARGE_SEGMENT = """<profiles xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS
 </rtps></participant></profiles>
 """
 """Without this setting, Fast DDS moves long messages in pieces of 64 KiB through half a MiB."""
+_LARGE_BUFFERS = """<profiles xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles">
+<transport_descriptors><transport_descriptor>
+<transport_id>udp</transport_id><type>UDPv4</type><receiveBufferSize>4194304</receiveBufferSize>
+</transport_descriptor><transport_descriptor>
+<transport_id>shm</transport_id><type>SHM</type>
+</transport_descriptor></transport_descriptors>
+<participant profile_name="bench" is_default_profile="true"><rtps>
+<userTransports><transport_id>udp</transport_id><transport_id>shm</transport_id></userTransports>
+<useBuiltinTransports>false</useBuiltinTransports>
+</rtps></participant></profiles>
+"""
+"""Without this setting, the kernel drops parts of an image that come faster than Fast DDS reads them
+(docs/bridge.md advises it)."""
 _NAME = re.compile(r"[A-Za-z0-9._-]+")
 
 
@@ -53,8 +66,17 @@ def environ(folder: Path) -> dict[str, str]:
 def with_large_segment(folder: Path) -> dict[str, str]:
     """The setting for a large segment of shared memory in Fast DDS, so each message of some MiB is one
     piece."""
+    return _with_profile(folder, _LARGE_SEGMENT)
+
+
+def with_large_buffers(folder: Path) -> dict[str, str]:
+    """The setting for large buffers of its sockets in Fast DDS, for messages from other machines."""
+    return _with_profile(folder, _LARGE_BUFFERS)
+
+
+def _with_profile(folder: Path, text: str) -> dict[str, str]:
     profile = folder / "fastdds.xml"
-    profile.write_text(_LARGE_SEGMENT)
+    profile.write_text(text)
     return {"FASTRTPS_DEFAULT_PROFILES_FILE": str(profile)}
 
 

@@ -57,6 +57,7 @@ class System(NamedTuple):
     - `gives_turns`: its publisher has an event loop that needs turns.
     - `publisher`: the module of its publisher, if it is not the subscriber's.
     - `runner`: the command that runs its modules.
+    - `publisher_runner`: the one of its publisher, if it is another.
     - `place`: further environment of the publisher, or of a subscriber.
     """
 
@@ -75,6 +76,7 @@ class System(NamedTuple):
     gives_turns: bool = True
     publisher: str = ""
     runner: tuple[str, ...] = (sys.executable,)
+    publisher_runner: tuple[str, ...] = ()
     place: Callable[[Group, str], Mapping[str, str]] = _no_place
     guess: Speed = Speed()
 
@@ -93,7 +95,8 @@ class System(NamedTuple):
         module = self.publisher or self.module if role == "publisher" else self.module
         arguments = (module, role, msgspec.json.encode(work).decode())
         environ = self.place(group, role)
-        return group.start(name or role, *self.runner, "-m", *arguments, environ=environ)
+        runner = (role == "publisher" and self.publisher_runner) or self.runner
+        return group.start(name or role, *runner, "-m", *arguments, environ=environ)
 
     def start_fan(self, group: Group, work: msgspec.Struct, number: int) -> tuple[Child, list[Child]]:
         """Start `number` subscribers in parallel, and then the publisher. Returns the publisher first."""

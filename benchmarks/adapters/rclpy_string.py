@@ -16,6 +16,7 @@ import asyncio
 import os
 import signal
 import sys
+import time
 from array import array
 from collections.abc import Callable
 from queue import SimpleQueue
@@ -36,6 +37,9 @@ from benchmarks.work import HEAD, IMAGE, TOPIC, Work, pace, text_of
 from benchmarks.worker import LIFE_S, options, tell
 
 _MATCH_S = 0.01
+_LATER_S = 0.2
+"""A publisher of DDS may have its match before the subscriber has. Such a subscriber misses what is published
+in between, and the publisher can't know when that is over."""
 _LARGE = 1 << 16
 TIMER = "timer"
 """The way (`Work.publish_by`) to publish in a timer's callback."""
@@ -102,6 +106,8 @@ def publisher(parent: _Parent, node: Node, work: Work) -> None:
     pub = node.create_publisher(_kind_of(work), TOPIC, _qos(work))
     while pub.get_subscription_count() < work.subscribers:
         rclpy.spin_once(node, timeout_sec=_MATCH_S)
+    if not hasattr(pub, "native"):
+        time.sleep(_LATER_S)
     tell("ready", **_route_of(pub))
     if work.rate:
         parent.wait_for("go")

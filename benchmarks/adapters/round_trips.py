@@ -1,10 +1,10 @@
-"""Duration of an action by rclpy, from its goal to its result, and of as many native messages, in turns.
+"""Duration of an action by rclpy, from its goal to its result, of as many native messages, and of a call.
 
-    python -m benchmarks.adapters.round_trips action|messages server|client N
+    python -m benchmarks.adapters.round_trips action|messages|call server|client N
 
 An action is a goal of Fibonacci, FEEDBACKS feedbacks and the result. Messages go back and forth, so each
-wakes the process that sends the next. After some unmeasured ones, the client makes N of them, and says
-`taken` with their times in ns.
+wakes the process that sends the next. A call is one of GetParameterTypes by rclpy. After some unmeasured
+ones, the client makes N of them, and says `taken` with their times in ns.
 """
 
 import sys
@@ -16,7 +16,9 @@ FEEDBACKS = 10
 MESSAGES = FEEDBACKS + 2
 """The goal, the feedbacks, the result."""
 _WARM_UP = 20
-_GOAL, _FEEDBACK = "goal", "feedback"
+_GOAL, _FEEDBACK, _ASK = "goal", "feedback", "ask"
+_ASKED = "rcl_interfaces.srv.GetParameterTypes"
+"""A service that every installation of rclpy has."""
 
 
 class _Rounds:
@@ -46,10 +48,12 @@ def _tell(event: str, **values: Any) -> None:
     tell(event, **values)
 
 
-def _kind() -> Any:
+def _kind(name: str) -> Any:
+    """The class with this name, for example example_interfaces.action.Fibonacci."""
     from importlib import import_module
 
-    return import_module("example_interfaces.action").Fibonacci
+    module, _, kind = name.rpartition(".")
+    return getattr(import_module(module), kind)
 
 
 def serve_actions() -> None:
@@ -57,7 +61,7 @@ def serve_actions() -> None:
     import rclpy
     from rclpy.action import ActionServer
 
-    Fibonacci = _kind()
+    Fibonacci = _kind("example_interfaces.action.Fibonacci")
 
     def execute(goal: Any) -> Any:
         feedback = Fibonacci.Feedback()
@@ -79,7 +83,7 @@ def ask_for_actions(count: int) -> None:
     import rclpy
     from rclpy.action import ActionClient
 
-    Fibonacci = _kind()
+    Fibonacci = _kind("example_interfaces.action.Fibonacci")
 
     rclpy.init(args=[])
     node = rclpy.create_node("bench_client")
@@ -103,6 +107,43 @@ def ask_for_actions(count: int) -> None:
         rclpy.spin_until_future_complete(node, answered)
         while heard < FEEDBACKS:
             rclpy.spin_once(node)
+        is_over = rounds.end()
+
+
+def serve_calls() -> None:
+    """Serve calls until the context ends."""
+    import rclpy
+
+    def answer(request: Any, response: Any) -> Any:
+        response.types = [len(name) for name in request.names]
+        return response
+
+    rclpy.init(args=[])
+    node = rclpy.create_node("bench_server")
+    node.create_service(_kind(_ASKED), _ASK, answer)
+    _tell("ready")
+    rclpy.spin(node)
+
+
+def call(count: int) -> None:
+    """Make one call after another."""
+    import rclpy
+
+    kind = _kind(_ASKED)
+    rclpy.init(args=[])
+    node = rclpy.create_node("bench_client")
+    client = node.create_client(kind, _ASK)
+    while not client.wait_for_service(timeout_sec=1.0):
+        pass
+    _tell("ready")
+    sys.stdin.readline()
+    rounds, is_over = _Rounds(count), False
+    while not is_over:
+        rounds.begin()
+        asked = client.call_async(kind.Request(names=["abc"]))
+        rclpy.spin_until_future_complete(node, asked)
+        if list(asked.result().types) != [3]:
+            raise ValueError(f"not the answer: {asked.result()}")
         is_over = rounds.end()
 
 
@@ -157,6 +198,7 @@ def _main() -> None:
     ways: dict[str, Callable[[], None]] = {
         "messages": lambda: pass_on(count),
         "action": lambda: ask_for_actions(count) if count else serve_actions(),
+        "call": lambda: call(count) if count else serve_calls(),
     }
     ways[what]()
 
