@@ -90,9 +90,11 @@ COLUMNS = [
 ]
 _NOTES = [
     "reliable + keep all, String: a new message object for each publish, a str in the subscriber's hands; "
-    "every run checked: all arrived, none dropped, but for systems that can't, of which what arrived counts",
-    "publish(), and send() where it says that there is no room; send: await send() each time; with a "
-    "callback where nothing else is said; floods of all systems take as long at least, not as many messages",
+    "every run is checked: all arrived, none dropped. Of a system that can't be lossless, the messages that "
+    "arrived count",
+    "publish(), and send() if publish() returns that there is no room; send: await send() each time. The "
+    "subscriber has a callback, unless the row names another way. The floods of all systems take at least "
+    "the same time, with different numbers of messages",
     "codec alone: construct, encode and decode the same messages in one process, with nothing in between; "
     "the C programs hand over bytes, and make no str of them",
     "best rival: of the systems that lost nothing, the one with the best median; polling systems are "

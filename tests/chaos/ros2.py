@@ -66,7 +66,7 @@ class Far:
         self.peer.kill()
 
     def restart(self) -> None:
-        self.peer.close()  # has read all that it said
+        self.peer.close()  # now all its output has been read
         for name, before in self._before.items():
             before.update(_numbers(self.peer, name))
         self.peer = self._make()

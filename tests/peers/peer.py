@@ -189,7 +189,9 @@ def ros(
     static_peers: str = "",
     variables: Mapping[str, str] | None = None,
 ) -> Peer:
-    """A node of ROS 2's own rclpy, that looks for others on its machine only. Skips where there is none.
+    """A node of ROS 2's own rclpy, that looks for others on its machine only.
+
+    Skips the test if there is no such rclpy here.
 
     SUBNET is what ROS 2 does by default, and is for machines of a test: it calls on all networks.
     `variables`: further ones of the environment.
@@ -212,7 +214,10 @@ def ros(
 def discovery_server(
     distro: Distro, machine: Machine | None, address: tuple[str, int], folder: Path, *, domain: int = 0
 ) -> Peer:
-    """A Discovery Server of Fast DDS, in the process of the node /server. Skips where there is no rclpy."""
+    """A Discovery Server of Fast DDS, in the process of the node /server.
+
+    Skips the test if there is no rclpy.
+    """
     profile = folder / "server.xml"
     profile.write_text(_SERVER.format(*address))
     names = ("FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE")
