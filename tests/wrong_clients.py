@@ -7,6 +7,7 @@ WAYS has each way with the story that finds it, and a part of the text about it.
 
 import os
 import signal
+import socket
 import sys
 import time
 from pathlib import Path
@@ -155,6 +156,17 @@ class NoPing(Client):
 class LengthOfAll(NoPing):
     def write(self, raw: bytes) -> None:
         super().write(len(raw).to_bytes(4, "little") + raw[4:])
+
+
+class BlockingDoorbell(Client):
+    def declare(self) -> None:
+        body = msgspec.msgpack.encode({"m": "share"})
+        frame = FRAME.pack(4 + len(body), 1, 0, 0) + body
+        shared = [os.eventfd(0), os.memfd_create("readers")]
+        socket.send_fds(self.socket, [frame], shared)
+        for one in shared:
+            os.close(one)
+        super().declare()
 
 
 class NoUnknownField(Client):
@@ -451,6 +463,7 @@ WAYS = [
     Way(
         NoReturn, "talk", "real", "it did not come back after a kill of busd; the client ended with status 1"
     ),
+    Way(BlockingDoorbell, "talk", "real", "Share with a bad descriptor: eventfd would block"),
     Way(WrongPayload, "relay", "real", "sample 1 (91 a9 6d 65"),
     Way(NoLastSeqs, "listen", "restart", "came back with nothing in last_seqs"),
     Way(LateReplies, "serve", "serve", "created its publisher of replies last"),

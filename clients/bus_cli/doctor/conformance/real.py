@@ -123,12 +123,18 @@ class RealStage:
                 if waiting.done():
                     break
                 if self.client.status is not None:
-                    raise Wrong(f"{what}; {self.client.end_in_words()}")
+                    raise Wrong(f"{what}; {self.client.end_in_words()}{self._last_warning()}")
                 if monotonic() > end:
-                    raise Wrong(f"{what} within {self.wait_s:g} s")
+                    raise Wrong(f"{what} within {self.wait_s:g} s{self._last_warning()}")
             return waiting.result()
         finally:
             waiting.cancel()
+
+    def _last_warning(self) -> str:
+        """The last warning in busd's log, which may name the client's mistake."""
+        lines = (self._path.parent / "busd.log").read_text(errors="replace").splitlines()
+        warnings = [line.partition("[busd]: ")[2] for line in lines if line.startswith("[WARN]")]
+        return f"; busd: {warnings[-1]}" if warnings else ""
 
     def _listens(self) -> bool:
         with socket.socket(socket.AF_UNIX) as probe:
