@@ -16,12 +16,11 @@ import asyncio
 import os
 import signal
 import sys
-import time
 from array import array
 from collections.abc import Callable
 from queue import SimpleQueue
 from threading import Thread
-from time import monotonic_ns
+from time import monotonic_ns, sleep
 from typing import Any
 
 import msgspec
@@ -107,7 +106,7 @@ def publisher(parent: _Parent, node: Node, work: Work) -> None:
     while pub.get_subscription_count() < work.subscribers:
         rclpy.spin_once(node, timeout_sec=_MATCH_S)
     if not hasattr(pub, "native"):
-        time.sleep(_LATER_S)
+        sleep(_LATER_S)
     tell("ready", **_route_of(pub))
     if work.rate:
         parent.wait_for("go")
