@@ -163,8 +163,8 @@ POLICIES = (
     ),
     PolicyField("liveliness_lease_duration", "Liveliness lease duration", word="lease", letter="e"),
 )
-"""All policies, in the order of rosbag2's YAML. The depth is a part of the history. Every translation of
-profiles is made from this table; docs/architecture.md says how to add a policy."""
+"""All policies, in the order of rosbag2's YAML. The depth is a part of the history. The wire, texts, bags
+and zenoh's texts are made from this table; docs/architecture.md names the places of the other forms."""
 CHOICES = tuple(one for one in POLICIES if one.kind is not None)
 DURATIONS = tuple(one for one in POLICIES if one.kind is None)
 

@@ -18,7 +18,7 @@ from bus.schema import MessageSchema
 from bus_bridge.batch import Loose, Sample
 from conftest import SOON_S
 from peers import peer
-from peers.dds import DOMAIN, LATCHED, STRING, Bridge, until
+from peers.dds import DOMAIN, LATCHED, LOSSLESS, STRING, Bridge, until
 
 
 @pytest.fixture
@@ -115,6 +115,21 @@ async def test_late_joiners(bridge: Bridge, distro: peer.Distro) -> None:
         bridge.listen("/up", LATCHED)
         await bridge.read("/up")
         await until(lambda: bridge.heard == ["latched"])
+
+
+@peer.each_distro
+async def test_the_first_message_may_be_long(bridge: Bridge, distro: peer.Distro) -> None:
+    """A volatile reader of Cyclone drops it if the writer's first heartbeat comes among its fragments."""
+    bridge.listen("/up", LOSSLESS)
+    with await _ros(distro, "ros_node") as ros:
+        await _ask(ros, "publish", topic="/up", type_name="std_msgs/msg/String")
+        await bridge.read("/up")
+        await _wait_for(ros, "matched", lambda found: found[0] == 1, topic="/up")
+        texts = [f"{number}" * 1_000_000 for number in range(3)]
+        for text in texts:
+            await _ask(ros, "send", topic="/up", data=text)
+        await until(lambda: len(bridge.heard) == len(texts), f"{[len(one) for one in bridge.heard]}")
+        assert bridge.heard == texts
 
 
 @pytest.mark.nightly

@@ -9,6 +9,7 @@ from typing import Any, Final
 
 from bus_bridge.batch import Batch
 from bus_bridge.dds.carrier import Discovered, Listener, NodeTopic, TopicReader, TopicWriter
+from bus_bridge.dds.first_heartbeat import FirstHeartbeats
 from bus_bridge.dds.graph import NodeEntities
 from bus_bridge.dds.names import ENCLAVE, topic_to_dds, user_data, user_data_of
 from bus_bridge.dds.node_info import NodeInfo
@@ -27,16 +28,22 @@ _BATCH: Final = 256
 
 
 class CycloneCarrier:
-    """A Carrier. `mark` is in the USER_DATA of everything of ours. Raises BridgeError like Participant."""
+    """A Carrier. `mark` is in the USER_DATA of everything of ours. Raises BridgeError like Participant.
+
+    `ask_for_heartbeat`: as of an RTPS participant in the same domain.
+    """
 
     has_numbers = False
 
-    def __init__(self, options: DdsOptions, mark: dict[str, str]) -> None:
+    def __init__(
+        self, options: DdsOptions, mark: dict[str, str], ask_for_heartbeat: Callable[[bytes, bytes], None]
+    ) -> None:
         self._options = options
         self._mark = mark
         # Its threads and sockets take some milliseconds, and no other task runs yet.
         self.participant = Participant(options, user_data({ENCLAVE: "/", **mark}))
         self._loop = asyncio.get_running_loop()
+        self._first_heartbeats = FirstHeartbeats(ask_for_heartbeat)
         self._scheduled: set[str] = set()
         self._builtin: dict[str, Any] = {}
         self._is_closed = False
@@ -48,7 +55,10 @@ class CycloneCarrier:
         warn: Callable[[str], None],
     ) -> NodeTopic:
         self._listener = listener
-        self.ways = Ways(listener.is_marked)
+        self.ways = Ways(
+            listener.is_marked,
+            lambda intake, writer: self._first_heartbeats.matched(intake.gid, intake.policies, writer),
+        )
         self._node_info = NodeInfo(
             self.participant, self._options.distro, self._mark, nodes, listener.nodes_said, warn
         )

@@ -269,7 +269,11 @@ class DdsEngine:
             return RtpsCarrier(self._options.domain, reach, self._mark, self._options.distro)
         from bus_bridge.dds.cyclone import CycloneCarrier
 
-        return CycloneCarrier(self._options, self._mark)
+        return CycloneCarrier(
+            self._options,
+            self._mark,
+            lambda reader, writer: self._services.participant.ask_for_heartbeat(reader, writer),
+        )
 
     async def _find_network(self) -> Reach:
         """The place of our participants, with addresses instead of names. Raises BridgeError."""

@@ -261,6 +261,11 @@ class Endpoint:
         found: list[int] = self.entity.get_matched_publications()
         return [handle % 2**64 for handle in found]
 
+    def guid_of_writer(self, handle: int) -> bytes | None:
+        """The GUID of a writer that is matched with this reader; None if it has gone."""
+        found = self.entity.get_matched_publication_data(handle)
+        return None if found is None else found.key.bytes
+
     def close(self) -> None:
         """End the endpoint; returns when no callback runs any more. A second call has no effect."""
         if self._release is not None:

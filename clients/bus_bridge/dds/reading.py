@@ -124,7 +124,10 @@ class Intake:
         """Update the matched writers after a possible change."""
         if self.state is IntakeState.CLOSED:
             return
-        self.matched = set(self._endpoint.matched_writers())
+        former, self.matched = self.matched, set(self._endpoint.matched_writers())
+        for handle in self.matched - former:
+            if (writer := self._endpoint.guid_of_writer(handle)) is not None:
+                self._ways.on_match(self, writer)
         for handle in [handle for handle in self._early if handle not in self.matched]:
             self._early.pop(handle)
         self._settled &= self.matched
@@ -299,10 +302,11 @@ class FarWay:
 
 class Ways:
     """All readers and routes in. `is_marked` says whether the writer with that handle is another busd's: then
-    it is ignored."""
+    it is ignored. `on_match` is called with a reader and the GUID of a writer after each new match."""
 
-    def __init__(self, is_marked: Callable[[int], bool]) -> None:
+    def __init__(self, is_marked: Callable[[int], bool], on_match: Callable[[Intake, bytes], None]) -> None:
         self.is_marked = is_marked
+        self.on_match = on_match
         self._lingering: set[Intake] = set()
         self._loop = asyncio.get_running_loop()
         self._intakes: dict[str, list[Intake]] = {}

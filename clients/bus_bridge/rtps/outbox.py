@@ -47,6 +47,10 @@ class Outbox:
         """Send submessages at once, for all participants that receive them there."""
         self._transmit(address, self._head + b"".join(parts))
 
+    def put_for_another(self, address: Address, prefix: bytes, parts: Sequence[bytes], source: bytes) -> None:
+        """Send submessages at once, for the participant with that prefix, from another one than ours."""
+        self._transmit(address, write_head(source) + write_destination(prefix) + b"".join(parts))
+
     def flush(self) -> None:
         """Send everything."""
         for key in list(self._waiting):

@@ -29,6 +29,7 @@ from bus_bridge.rtps.due_times import DueTimes
 from bus_bridge.rtps.far import FarParticipant, FarParticipants
 from bus_bridge.rtps.ids import (
     DISCOVERY_READERS,
+    FAST_DDS,
     PREFIX_BYTES,
     PUBLICATIONS_READER,
     PUBLICATIONS_WRITER,
@@ -50,6 +51,7 @@ from bus_bridge.rtps.messages import (
     NackFragments,
     Received,
     read_datagram,
+    write_acknack,
 )
 from bus_bridge.rtps.outbox import Outbox
 from bus_bridge.rtps.own_announcements import OwnAnnouncements, Settings
@@ -61,6 +63,9 @@ from bus_bridge.rtps.writer import USUAL, Keeping, Writer
 __all__ = ["OF_DISCOVERY", "Events", "Participant"]
 
 _ANNOUNCE_NS: Final = 2_000_000_000
+_FIRST_ACKNACK: Final = 1
+"""The number of a question for another participant's reader. The reader's own questions before the first
+heartbeat have number 0, so this one is new to the writer; its later ones have larger numbers."""
 OF_DISCOVERY: Final = Keeping(changes=20_000, payload_bytes=32 << 20, for_late_joiners=True)
 """How much the writers of announcements keep."""
 _KINDS: Final[Mapping[bytes, EndpointKind]] = {PUBLICATIONS_WRITER: "writer", SUBSCRIPTIONS_WRITER: "reader"}
@@ -198,6 +203,20 @@ class Participant:
         """Whether that participant has acknowledged the announcement of an endpoint of ours."""
         announcer = self._announcer(local.data.kind)
         return announcer.acknowledged(prefix + DISCOVERY_READERS[announcer.entity]) >= local.announced
+
+    def ask_for_heartbeat(self, reader: bytes, writer: bytes) -> None:
+        """Ask a writer of Fast DDS for a heartbeat to a reader of another participant of this process.
+
+        Both are GUIDs. No effect if the writer's participant is not known, or of another vendor.
+        Readers of Fast DDS ask in the same way (`StatefulWriter::process_acknack`, "preemptive"): they
+        acknowledge number 0, which no sample has.
+        """
+        far = self.far.find(writer[:PREFIX_BYTES])
+        if far is None or far.vendor != FAST_DDS or far.address is None:
+            return
+        entities = reader[PREFIX_BYTES:], writer[PREFIX_BYTES:]
+        asking = write_acknack(*entities, 0, (), _FIRST_ACKNACK, is_final=False)
+        self._outbox.put_for_another(far.address, far.prefix, [asking], reader[:PREFIX_BYTES])
 
     # --- datagrams and times
 

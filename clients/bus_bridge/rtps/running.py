@@ -136,6 +136,11 @@ class RunningParticipant:
             self.core.remove(local, time.monotonic_ns())
             self._plan()
 
+    def ask_for_heartbeat(self, reader: bytes, writer: bytes) -> None:
+        """As `Participant.ask_for_heartbeat`. No effect after `close`."""
+        if not self._is_closed:
+            self.core.ask_for_heartbeat(reader, writer)
+
     def endpoints_of(self, topic: str) -> list[EndpointData]:
         """Far endpoints of a wanted topic."""
         return list(self.core.far.of_topic(topic).values())

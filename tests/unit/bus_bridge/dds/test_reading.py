@@ -29,6 +29,9 @@ class Endpoint:
     def matched_writers(self) -> list[int]:
         return self.matched
 
+    def guid_of_writer(self, handle: int) -> bytes | None:
+        return bytes([handle]) * 16 if handle else None
+
     def close(self) -> None:
         self.closes += 1
 
@@ -39,7 +42,8 @@ class Scene:
     def __init__(self, state: State, monkeypatch: pytest.MonkeyPatch) -> None:
         self.takes = 0
         self.endpoint = Endpoint()
-        self.ways = Ways(lambda handle: False)
+        self.matches: list[bytes] = []
+        self.ways = Ways(lambda handle: False, lambda intake, writer: self.matches.append(writer))
         monkeypatch.setattr(raw, "taker_of", lambda entity: self._take)
         self.intake = self.make()
         for event in paths(TRANSITIONS, State.OPEN)[state]:
@@ -112,3 +116,11 @@ async def test_one_that_retires_stays_until_a_new_one_is_matched(monkeypatch: py
     latter.update_matches()
     await until(lambda: scene.intake.state is State.CLOSED)
     assert way.carrier is latter
+
+
+async def test_each_new_match_is_reported_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = Scene(State.OPEN, monkeypatch)
+    for matched in ([7], [7, 8], [8], [8, 7], [0]):  # 0: a writer that has gone meanwhile
+        scene.endpoint.matched = matched
+        scene.intake.update_matches()
+    assert scene.matches == [bytes([handle]) * 16 for handle in (7, 8, 7)]

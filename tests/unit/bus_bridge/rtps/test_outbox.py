@@ -34,3 +34,12 @@ def test_packing() -> None:
     assert len(sent) == 5
     outbox.put_for_all(THERE, [data(9)])
     assert sent[5:] == [(THERE, [9])]
+
+
+def test_in_the_name_of_another_participant() -> None:
+    sent: list[tuple[Address, bytes]] = []
+    outbox = Outbox(PREFIX, lambda *one: sent.append(one), 200)
+    outbox.put_for_another(THERE, ONE, [write_data(b"rrr4", b"www3", 1, b"sample")], TWO)
+    ((address, datagram),) = sent
+    (received,) = read_datagram(datagram).received
+    assert (address, received.source, received.destination) == (THERE, TWO, ONE)

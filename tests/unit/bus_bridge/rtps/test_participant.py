@@ -11,6 +11,7 @@ from bus_bridge.rtps.announcements import (
 )
 from bus_bridge.rtps.far import Bounds
 from bus_bridge.rtps.ids import (
+    FAST_DDS,
     OUR_VENDOR,
     PARTICIPANT,
     PUBLICATIONS_READER,
@@ -18,10 +19,11 @@ from bus_bridge.rtps.ids import (
     SPDP_READER,
     SPDP_WRITER,
     UNKNOWN_ENTITY,
+    reader_id,
     writer_id,
 )
 from bus_bridge.rtps.local import Local
-from bus_bridge.rtps.parameters import write_parameters
+from bus_bridge.rtps.parameters import Address, write_parameters
 from bus_bridge.rtps.policies import RELIABLE
 from bus_bridge.rtps.reader import Arrived
 from rows import for_each
@@ -218,8 +220,10 @@ class Hostile:
         datagram = m.write_head(prefix) + data
         self.machine.participant.receive(datagram, ("10.0.0.66", 7410), self.network.now_ns)
 
-    def join(self, prefix: bytes = STRANGER, lease_ns: int = 10 * S, port: int = 7410) -> None:
-        data = ParticipantData(prefix, OUR_VENDOR, (("10.0.0.66", port),), (), lease_ns)
+    def join(
+        self, prefix: bytes = STRANGER, lease_ns: int = 10 * S, port: int = 7410, vendor: bytes = OUR_VENDOR
+    ) -> None:
+        data = ParticipantData(prefix, vendor, (("10.0.0.66", port),), (), lease_ns)
         self.say(m.write_data(UNKNOWN_ENTITY, SPDP_WRITER, 1, write_participant(data)), prefix)
 
     def announce(self, endpoint: EndpointData | bytes) -> None:
@@ -230,6 +234,25 @@ class Hostile:
 
 def endpoint(number: int, prefix: bytes = STRANGER) -> EndpointData:
     return EndpointData("writer", prefix + writer_id(number), TOPIC, TYPE, RELIABLE)
+
+
+def test_a_heartbeat_for_the_reader_of_another_participant(monkeypatch: pytest.MonkeyPatch) -> None:
+    hostile = Hostile()
+    sent: list[tuple[Address, bytes]] = []
+    monkeypatch.setattr(hostile.network, "send", lambda machine, *one: sent.append(one))
+    reader, other = b"c" * 12 + reader_id(3), b"o" * 12
+    hostile.join(port=7411, vendor=FAST_DDS)
+    hostile.join(other)
+    sent.clear()
+    hostile.machine.participant.ask_for_heartbeat(reader, endpoint(1).guid)
+    ((address, datagram),) = sent
+    (received,) = m.read_datagram(datagram).received
+    assert (address, received.source, received.destination) == (("10.0.0.66", 7411), b"c" * 12, STRANGER)
+    assert isinstance(received.submessage, m.AckNack)
+    assert datagram.endswith(m.write_acknack(reader_id(3), writer_id(1), 0, (), 1, is_final=False))
+    for prefix in (other, b"u" * 12):  # of another vendor, and unknown
+        hostile.machine.participant.ask_for_heartbeat(reader, prefix + writer_id(1))
+    assert len(sent) == 1
 
 
 def test_too_many_participants() -> None:
