@@ -28,7 +28,7 @@ A message is a MessagePack map: the key `m` with the tag, and the fields by thei
 
 | type | in MessagePack |
 |---|---|
-| integer | an integer in any of its forms, long or short; never a float |
+| integer | an integer; never a float |
 | number | a float of 32 or 64 bits, or an integer. busd sends floats of 64 bits |
 | boolean | true or false |
 | text | str, in UTF-8. Bounds count characters |

@@ -5,6 +5,7 @@ A hostile publisher harms only its own topic.
 
 import asyncio
 import signal
+import time
 from pathlib import Path
 
 import pytest
@@ -140,6 +141,28 @@ async def test_the_event_of_a_corrupt_ring_may_create(
         await listener.finish()
         doorbell.close()
         its_doorbell.close()
+
+
+@on_one_loop
+async def test_a_busd_that_cuts_off_at_once_is_called_less_often(
+    programs: Path, tmp_path: Path, socket_path: Path
+) -> None:
+    """Pauses of 20, 40, 80, 160 and 320 ms; beginning anew each time they would be 100 ms in all."""
+
+    async def cut_off(broker: FakeBroker) -> float:
+        begun_s = 0.0
+        for _ in range(6):
+            connection = await broker.accept()
+            await connection.create(m.CreateNode, 1)
+            await connection.create(m.CreateSubscription, 2)
+            begun_s = begun_s or time.monotonic()
+            await connection.close()
+        return time.monotonic() - begun_s
+
+    async with FakeBroker(socket_path) as broker:
+        cutting = asyncio.create_task(cut_off(broker))
+        async with c_programs.peer(programs, tmp_path, "listen", "/t"):
+            assert await cutting > 0.5
 
 
 @on_one_loop

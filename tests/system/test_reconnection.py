@@ -416,6 +416,26 @@ class TestComingBack:
         assert (await client.expect(Run)).endpoint == 32
         await node.close()
 
+    async def test_one_that_cuts_off_at_once_is_called_less_often(
+        self, broker: FakeBroker, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        class Pauses(tuple[float, ...]):
+            def __getitem__(self, at: Any) -> Any:
+                taken.append(at)
+                return super().__getitem__(at)
+
+        taken: list[int] = []
+        monkeypatch.setattr(bus.link.connecting, "_RETRY_S", Pauses((0.0, 0.001, 0.002)))
+        node, client = await opened(broker)
+        for lasted_ns in (0, 10**12, 10**12, 10**12, 0):
+            monkeypatch.setattr(bus.link.connecting, "_LASTED_NS", lasted_ns)
+            await client.close()
+            client = await broker.accept()
+            await client.create(m.CreateNode, 1)
+            await until(lambda: node.is_connected)
+        assert taken == [0, 1, 2, 2, 0]
+        await node.close()
+
     async def test_a_broker_that_takes_its_time(
         self, broker: FakeBroker, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
     ) -> None:

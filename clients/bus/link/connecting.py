@@ -20,6 +20,9 @@ T = TypeVar("T")
 
 _USERS_TURN_NS = 5_000_000_000
 _RETRY_S = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
+_LASTED_NS = 1_000_000_000
+"""After a connection that lasted so long, the pauses begin anew: a broker that cuts off its client at once is
+not called as often as possible."""
 _REPORT_S = 3.0
 
 _log = get_logger("bus")
@@ -57,6 +60,9 @@ class Connecting:
         self._link = link
         self._declarations = declarations
         self._on_received = on_received
+        self._tries = 0
+        """Attempts to reconnect since the last connection that lasted."""
+        self._back_ns = 0
 
     def begin(self) -> None:
         """Connect for the first time. `opening` raises BrokerUnavailable if that fails."""
@@ -107,14 +113,14 @@ class Connecting:
             self.opening = self._link.loop.create_task(self._reconnect(), name="reconnect to busd")
 
     async def _reconnect(self) -> None:
-        pauses = iter(_RETRY_S)
-        pause_s = 0.0
         known_reason = ""
         lost_ns = monotonic_ns()
+        if lost_ns - self._back_ns > _LASTED_NS:
+            self._tries = 0
         try:
             while True:
-                pause_s = next(pauses, pause_s)
-                await asyncio.sleep(pause_s)
+                await asyncio.sleep(_RETRY_S[min(self._tries, len(_RETRY_S) - 1)])
+                self._tries += 1
                 # A user who started the daemon by hand may start it again, with its options. Leave time for
                 # that.
                 may_start = self.hello.background or monotonic_ns() - lost_ns > _USERS_TURN_NS
@@ -129,6 +135,7 @@ class Connecting:
                         self._link.connection = None
                         self._declarations.disconnected()
                     continue
+                self._back_ns = monotonic_ns()
                 if self._link.connection is not None:  # else it was lost again
                     _log.info(f"busd is back (pid {self.hello.pid})")
                     return

@@ -34,6 +34,7 @@ static int take_hello(struct message *m)
                     (unsigned long long)version);
     const uint64_t pid = busd_find_number(m->body, "pid", 0), began_ns = busd_find_number(m->body, "began_ns", 0);
     bus->is_open = true;
+    bus->opened_at = now_ns();
     bus->is_new_busd = pid != bus->busd_pid || began_ns != bus->busd_began_ns;
     bus->busd_pid = pid;
     bus->busd_began_ns = began_ns;

@@ -366,7 +366,7 @@ struct busd_bus {
     bool is_blocked; /* the socket takes no more at the moment */
     int turns;       /* inside of calls that may call back */
     int waits;       /* inside of busd_publisher_wait(), which uses the publisher after the turn */
-    int64_t lease_ns, at[TIMERS], timer_at, retry_ns;
+    int64_t lease_ns, at[TIMERS], timer_at, opened_at, retry_ns;
     unsigned char *in;
     size_t in_begin, in_end, in_room;
     struct batch batches[MOST_BATCHES];

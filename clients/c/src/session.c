@@ -97,9 +97,8 @@ static int64_t beat_ns(const busd_bus *bus)
 /* Pings in time, after a lease was added. */
 void ping_due(busd_bus *bus)
 {
-    const int64_t at = now_ns() + beat_ns(bus);
-    if (bus->at[PING] == 0 || at < bus->at[PING])
-        set_timer(bus, PING, at);
+    const int64_t at = now_ns() + beat_ns(bus), before = bus->at[PING];
+    set_timer(bus, PING, before == 0 || at < before ? at : before);
 }
 
 static void do_ping(busd_bus *bus, int64_t now)
@@ -262,8 +261,9 @@ void lose_connection(busd_bus *bus, const char *reason)
     set_timer(bus, HELLO, 0);
     if (!bus->was_connected)
         return; /* busd_connect() tries again, or fails */
-    bus->retry_ns = was_open ? FIRST_RETRY_NS : sizes_min(2 * (uint64_t)bus->retry_ns, SECOND_NS);
-    set_timer(bus, RETRY, now_ns() + bus->retry_ns);
+    const int64_t now = now_ns(), least = was_open && now - bus->opened_at > SECOND_NS ? 0 : 2 * bus->retry_ns;
+    bus->retry_ns = sizes_min(sizes_max(least, FIRST_RETRY_NS), SECOND_NS); /* longer if busd cuts it off at once */
+    set_timer(bus, RETRY, now + bus->retry_ns);
     if (!was_open)
         return;
     set_timer(bus, STALE, 0);
