@@ -60,6 +60,12 @@ def test_a_daemon_whose_socket_is_gone(daemon: Daemon, tmp_path: Path) -> None:
     assert text in bus("doctor", "--socket", str(tmp_path / "other.sock")).out
 
 
+def test_a_daemon_in_a_terminal_writes_no_log_file(daemon: Daemon) -> None:
+    """So a file with the name of a log does no harm: perhaps its user sends its output there."""
+    daemon.path.with_suffix(".log").write_text("busd 0.1.0")
+    assert "] log: " not in bus("doctor", "-ep").out
+
+
 MISMATCH = """
 import asyncio, bus
 from bus.msg.std_msgs import String

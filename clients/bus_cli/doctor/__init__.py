@@ -131,7 +131,8 @@ def examine(args: Namespace) -> Iterator[Finding]:
         is_default = place.is_default(args)
         yield place.folder(path.parent, is_default=is_default, is_served=isinstance(seen, Seen))
         yield from place.socket_file(path)
-        yield from place.log_file(path)
+        if not isinstance(seen, Seen) or seen.hello.background:  # else its log is where its user sees it
+            yield from place.log_file(path)
         yield from daemon.examine(path, seen)
         yield from daemon.others(path)
         if isinstance(seen, NotRunning):
