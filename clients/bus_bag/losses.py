@@ -59,24 +59,55 @@ class TopicLosses(msgspec.Struct, frozen=True, omit_defaults=True):
         return msgspec.structs.replace(self, waiting=0, lost=lost)
 
 
+class _Dated:
+    """One topic at the last look at its counters."""
+
+    def __init__(self, at_s: float) -> None:
+        self.at_s = at_s
+        self.expected = 0
+        self.lost: dict[str, int] = {}
+        self.absent_s: float | None = None
+        """The last look before busd went away; None once the topic was heard again."""
+        self.timeline = LossTimeline()
+
+
 class LossDates:
     """Notes when the counters of topics change: the timelines of a recording."""
 
     def __init__(self) -> None:
-        self._known: dict[str, tuple[float, dict[str, int], LossTimeline]] = {}
+        self._topics: dict[str, _Dated] = {}
 
-    def note(self, now_s: float, topics: Mapping[str, TopicLosses]) -> dict[str, TopicLosses]:
-        """The counters at that time of the bag's clock, with the times of all losses so far."""
-        return {name: self._note(now_s, name, one) for name, one in topics.items()}
+    def add(self, name: str, at_s: float, reason: DropReason, count: int) -> None:
+        """Note messages lost at a known time. Call it before `note` sees them in the counters."""
+        topic = self._topics.setdefault(name, _Dated(at_s))
+        topic.timeline.add(at_s, at_s, {reason: count})
+        topic.lost = {**topic.lost, reason: topic.lost.get(reason, 0) + count}
 
-    def _note(self, now_s: float, name: str, losses: TopicLosses) -> TopicLosses:
-        since_s, before, timeline = self._known.get(name) or (now_s, {}, LossTimeline())
-        new = {reason: count - before.get(reason, 0) for reason, count in losses.lost.items()}
-        timeline.add(since_s, now_s, new)
-        self._known[name] = now_s, losses.lost, timeline
-        if not timeline:
+    def note(
+        self, now_s: float, topics: Mapping[str, TopicLosses], *, is_away: bool = False
+    ) -> dict[str, TopicLosses]:
+        """The counters at that time of the bag's clock, with the times of all losses so far.
+
+        `is_away`: busd is away. Messages missed meanwhile are counted together after its return. So they are
+        spread over its absence.
+        """
+        return {name: self._note(now_s, name, one, is_away=is_away) for name, one in topics.items()}
+
+    def _note(self, now_s: float, name: str, losses: TopicLosses, *, is_away: bool) -> TopicLosses:
+        topic = self._topics.setdefault(name, _Dated(now_s))
+        if is_away and topic.absent_s is None:
+            topic.absent_s = topic.at_s
+        new = {reason: count - topic.lost.get(reason, 0) for reason, count in losses.lost.items()}
+        if topic.absent_s is not None:
+            missed = new.pop(DropReason.DISCONNECTED, 0)
+            topic.timeline.add(topic.absent_s, now_s, {DropReason.DISCONNECTED: missed})
+        topic.timeline.add(topic.at_s, now_s, new)
+        if not is_away and losses.expected != topic.expected:
+            topic.absent_s = None
+        topic.at_s, topic.expected, topic.lost = now_s, losses.expected, losses.lost
+        if not topic.timeline:
             return losses
-        return msgspec.structs.replace(losses, when=timeline.slots(), earlier=timeline.earlier)
+        return msgspec.structs.replace(losses, when=topic.timeline.slots(), earlier=topic.timeline.earlier)
 
 
 def to_record(topics: Mapping[str, TopicLosses]) -> dict[str, str]:

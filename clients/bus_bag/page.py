@@ -75,19 +75,23 @@ class PlayerControl(Playback):
                 self._jumped = None
 
     async def _ask(self, request: Request) -> str:
-        player = self._player
-        refusal = ""
+        player, seek_ns = self._player, request.seek_ns
+        # The rate comes first: with one that is refused, the request changes nothing.
+        if request.rate is not None and request.rate != player.rate and not player.set_rate(request.rate):
+            return f"{request.rate:g} is not {TimeLine.RATES}"
         if request.is_paused and not player.is_paused:
             player.pause()
-        if request.seek_ns is not None and not await player.seek(request.seek_ns):
-            refusal = "the bag is no longer played"
-        if request.rate is not None and request.rate != player.rate and not player.set_rate(request.rate):
-            refusal = f"{request.rate:g} is not {TimeLine.RATES}"
         if request.is_paused is False and player.is_paused:
+            if seek_ns is None and self.state.status is Status.AT_END:
+                seek_ns = self._recording.start_ns  # the player goes there; this waits for it
             player.resume()
+        # The seek comes last, so that `jumped` finds the other wishes done. The player makes no step before
+        # the `await`, so it does not play with them where it was.
+        if seek_ns is not None and not await player.seek(seek_ns):
+            return "the bag is no longer played"
         if request.step and not await player.play_next():
-            refusal = "no next message" if player.is_paused else "only a paused bag can be played by steps"
-        return refusal
+            return "no next message" if player.is_paused else "only a paused bag can be played by steps"
+        return ""
 
     @contextmanager
     def watching(self, changed: Callable[[], None]) -> Iterator[None]:

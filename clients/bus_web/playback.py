@@ -42,8 +42,11 @@ class State(NamedTuple):
 
 
 class Request(msgspec.Struct, frozen=True, kw_only=True):
-    """The wishes of a client; None: no wish. In this order: a pause, the seek, the rate, the end of a
-    pause, the step."""
+    """The wishes of a client; None: no wish. In this order: the rate, a pause or its end, the seek, the step.
+
+    With a rate that is not valid, nothing is done. The end of a pause at the recording's end is a seek to its
+    start, too.
+    """
 
     seek_ns: int | None = None
     rate: float | None = None
@@ -86,7 +89,7 @@ class Playback(Protocol):
         """Pass a request on to the player; returns its refusal, or an empty text.
 
         Requests are done in the order of their calls. `jumped` is called when the position is the one sought,
-        before messages from there.
+        before messages from there; the rate and the pause are the new ones, too.
         """
 
     def watching(self, changed: Callable[[], None]) -> AbstractContextManager[None]:

@@ -223,6 +223,30 @@ class TestFaults:
         assert len(numbers) == losses.written >= 20
         assert route == "shm" or losses.lost
 
+    def test_what_an_absence_of_busd_cost_is_spread_over_it(
+        self, bag: Bag, daemon: Daemon, route: str
+    ) -> None:
+        if route == "shm":
+            pytest.skip("the publisher's ring goes on without busd")
+        with speaking(depth=5) as speaker:
+            speaker.say("/topic")
+            with recording(bag, "/topic") as recorder:
+                speaker.say("/topic", *range(10))
+                wait_until(lambda: len(bag.texts_now()) == 10)
+                daemon.kill()
+                killed_s = time.time()
+                speaker.say("/topic", *range(10, 100))
+                time.sleep(3)
+                daemon.restart()
+                wait_for_graph(lambda graph: graph.matches)
+                speaker.say("/topic", "again")
+                wait_until(lambda: bag.texts_now()[-1:] == ["again"])
+                end(recorder)
+        slots = bag.losses()["/topic"].when
+        assert len(slots) >= 3
+        assert slots[0].at_s <= killed_s + 1  # dated at busd's return, it would be three seconds later
+        assert max(slot.count for slot in slots) < 45
+
     def test_when_messages_were_lost(self, bag: Bag, daemon: Daemon, tmp_path: Path) -> None:
         """The recorder stands still, and loses what its depth does not hold. Then info draws that moment."""
         qos = tmp_path / "qos.yaml"
@@ -365,7 +389,8 @@ class TestServices:
                         call("is_paused", "IsPaused")  # the recorder has taken all messages before
                 assert "success=True" in call("snapshot", "Snapshot")
                 speaker.say("/topic", "unheard")
-                end(recorder)
+                result = end(recorder)
+        assert f"Writing a snapshot: {bag.metadata.message_count} messages." in result.err
         texts = bag.texts()
         assert texts == [str(number) for number in range(40)][-len(texts) :]
         assert 10 <= len(texts) < 40

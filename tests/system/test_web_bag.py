@@ -120,6 +120,40 @@ def test_a_viewer_controls_it(tmp_path: Path) -> None:
     assert not socket.parent.exists()
 
 
+def test_an_answer_to_a_viewer_has_the_state_after_the_whole_request(tmp_path: Path) -> None:
+    playing, paused, buffering, ended = range(4)
+    bag = numbers(tmp_path / "bag", 0, 1000, 2000)
+    with opened(bag) as (server, _), looking(server) as viewer:
+        assert state(viewer)[0] == paused
+        ask(viewer, "first", seek_ns=START, pause=True)  # after it the bag is read
+        assert state(viewer)[3:] == (True, "first")
+        ask(viewer, "slow", speed=0.5)
+        assert state(viewer)[::2] == (playing, 0.5, "slow")
+        ask(viewer, "back", seek_ns=START, pause=True)
+        assert state(viewer) == (paused, START, 1.0, True, "back")
+        ask(viewer, "bad", speed=0.0, seek_ns=START + 10**9)
+        assert state(viewer) == (paused, START, 1.0, False, "bad"), "a refused request changes nothing"
+        ask(viewer, "on", seek_ns=START + 10**9)
+        assert state(viewer) == (buffering, START + 10**9, 1.0, True, "on")
+        assert state(viewer)[::2] == (playing, 1.0, "")
+        assert state(viewer) == (ended, START + 2 * 10**9, 1.0, False, "")
+        ask(viewer, "again", speed=2.0)
+        assert state(viewer) == (buffering, START, 2.0, True, "again")
+        assert state(viewer)[::2] == (playing, 2.0, "")
+
+
+def test_the_server_is_described_once_to_each_viewer(tmp_path: Path) -> None:
+    """Although the bag's `/clock` comes, which a second viewer finds."""
+    with opened(numbers(tmp_path / "bag", 0)) as (server, _):
+        for _viewer in range(2):
+            with looking(server) as viewer:
+                told: list[str] = []
+                while "/x" not in viewer.channels or "/clock" not in viewer.channels:
+                    frame = viewer.listen()
+                    told += [frame["op"]] if isinstance(frame, dict) else []
+                assert told.count("serverInfo") == 1
+
+
 def test_the_client_that_foxglove_has_published(tmp_path: Path) -> None:
     """@foxglove/ws-protocol knows no playback: it is told of none, and gets the bag's messages."""
     sample = Sample("/x", 0, Int64(data=7))
@@ -130,8 +164,10 @@ def test_the_client_that_foxglove_has_published(tmp_path: Path) -> None:
         assert npm_client(server, NPM_TOPICS, "/x") == ["/x std_msgs/msg/Int64 12"]
 
 
-def ask(viewer: Foxglove, id: str, *, pause: bool = False, seek_ns: int | None = None) -> None:
-    head = struct.pack("<BBfBQI", 3, pause, 1.0, seek_ns is not None, seek_ns or 0, len(id))
+def ask(
+    viewer: Foxglove, id: str, *, pause: bool = False, speed: float = 1.0, seek_ns: int | None = None
+) -> None:
+    head = struct.pack("<BBfBQI", 3, pause, speed, seek_ns is not None, seek_ns or 0, len(id))
     viewer.connection.send(head + id.encode())
 
 

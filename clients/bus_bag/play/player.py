@@ -280,6 +280,7 @@ class Player:
             self._queue.start_at(start)
             self._time.jump(time_ns, monotonic_ns(), _FOR_EVER_NS)
             if is_seek:
+                self._life.on(PlayerEvent.JUMP)
                 self.seeks += 1
                 if self.on_seek is not None:
                     self.on_seek()

@@ -22,7 +22,8 @@ class PlayerState(Enum):
     STARTING = "starting"
     """It reads the first messages, and publishes the state of latched topics."""
     PLAYING = "playing"
-    """It publishes messages at their due times, or by steps in a pause; also while a loop begins again."""
+    """It publishes messages at their due times, or by steps in a pause; also while a loop begins again,
+    or while it reads the messages from the target of a seek."""
     BURSTING = "bursting"
     """It publishes messages at once, in a pause."""
     AT_END = "at the end"
@@ -40,6 +41,8 @@ class PlayerEvent(Enum):
     PLAY = "play"
     READY = "ready"
     """The messages from the beginning, or from the target of a seek, are read; the time line runs there."""
+    JUMP = "jump"
+    """The time line is at the target of a seek; the messages from there are not read yet."""
     BURST = "burst"
     BURST_END = "burst end"
     LAST = "last"
@@ -66,6 +69,7 @@ TRANSITIONS: Mapping[PlayerState, Mapping[PlayerEvent, PlayerState]] = {
     },
     PlayerState.PLAYING: {
         PlayerEvent.READY: PlayerState.PLAYING,  # again, in a loop or by a seek
+        PlayerEvent.JUMP: PlayerState.PLAYING,
         PlayerEvent.BURST: PlayerState.BURSTING,
         PlayerEvent.LAST: PlayerState.AT_END,
         PlayerEvent.STOP: PlayerState.STOPPING,
@@ -77,7 +81,7 @@ TRANSITIONS: Mapping[PlayerState, Mapping[PlayerEvent, PlayerState]] = {
         PlayerEvent.END: PlayerState.ENDED,
     },
     PlayerState.AT_END: {
-        PlayerEvent.READY: PlayerState.PLAYING,
+        PlayerEvent.JUMP: PlayerState.PLAYING,
         PlayerEvent.BURST: PlayerState.AT_END,  # of no messages
         PlayerEvent.BURST_END: PlayerState.AT_END,
         PlayerEvent.STOP: PlayerState.STOPPING,
@@ -85,6 +89,7 @@ TRANSITIONS: Mapping[PlayerState, Mapping[PlayerEvent, PlayerState]] = {
     },
     PlayerState.STOPPING: {
         PlayerEvent.READY: PlayerState.STOPPING,
+        PlayerEvent.JUMP: PlayerState.STOPPING,
         PlayerEvent.BURST: PlayerState.STOPPING,
         PlayerEvent.BURST_END: PlayerState.STOPPING,
         PlayerEvent.STOP: PlayerState.STOPPING,

@@ -19,13 +19,14 @@ _FEW = 64
 
 
 class _Entry(msgspec.Struct, Generic[T]):
-    """A batch of `count` messages with `size` bytes; None once it was dropped."""
+    """A batch of `count` messages with `size` bytes, from second `at_s`; None once it was dropped."""
 
     topic: str
     batch: T | None
     count: int
     bytes: int
     may_be_lost: bool
+    at_s: int
 
 
 class Cache(Generic[T]):
@@ -50,12 +51,14 @@ class Cache(Generic[T]):
         """Number of waiting batches. `_order` also has batches that were dropped."""
         self.bytes = 0
         """Bytes of all waiting batches."""
-        self.lost: dict[str, int] = {}
-        """Topic -> number of messages dropped here."""
+        self.lost: dict[tuple[str, int], int] = {}
+        """Topic and second of the messages -> number of messages dropped here."""
 
-    def put(self, topic: str, batch: T, count: int, size: int, *, may_be_lost: bool = True) -> None:
+    def put(
+        self, topic: str, batch: T, count: int, size: int, *, may_be_lost: bool = True, at_s: int = 0
+    ) -> None:
         """Add a batch of `count` messages with `size` bytes in all. Without room, drop others."""
-        entry = _Entry(topic, batch, count, size, may_be_lost)
+        entry = _Entry(topic, batch, count, size, may_be_lost, at_s)
         self._order.append(entry)
         self.bytes += size
         self.waiting += 1
@@ -88,13 +91,14 @@ class Cache(Generic[T]):
         """The oldest batch; None if empty."""
         return next((entry.batch for entry in self._order if entry.batch is not None), None)
 
-    def clear(self) -> dict[str, int]:
-        """Drop all waiting messages; returns topic -> number of messages."""
-        thrown: dict[str, int] = {}
+    def clear(self) -> dict[tuple[str, int], int]:
+        """Drop all waiting messages; returns their numbers as in `lost`."""
+        thrown: dict[tuple[str, int], int] = {}
+        for entry in self._order:
+            if entry.batch is not None and entry.count:
+                _count(thrown, entry)
         while self.waiting:
-            topic, _, count = self.take()
-            if count:
-                thrown[topic] = thrown.get(topic, 0) + count
+            self.take()
         return thrown
 
     def _lose(self) -> None:
@@ -106,7 +110,7 @@ class Cache(Generic[T]):
             topic = max(self._bytes_by_topic, key=self._bytes_by_topic.__getitem__)
         entry = self._topics[topic].popleft()
         entry.batch = None
-        self.lost[topic] = self.lost.get(topic, 0) + entry.count
+        _count(self.lost, entry)
         self._bytes_by_topic[topic] -= entry.bytes
         self._losable_bytes -= entry.bytes
         self.bytes -= entry.bytes
@@ -114,3 +118,8 @@ class Cache(Generic[T]):
         gone = len(self._order) - self.waiting
         if gone > _FEW and gone > self.waiting:
             self._order = deque(one for one in self._order if one.batch is not None)
+
+
+def _count(counts: dict[tuple[str, int], int], entry: _Entry[T]) -> None:
+    place = entry.topic, entry.at_s
+    counts[place] = counts.get(place, 0) + entry.count

@@ -34,6 +34,8 @@ _MOST_IN_FLIGHT = 8 << 20
 _TURN_NS = 2_000_000
 """Longest time of encoding in a turn of the event loop: meanwhile, no messages are taken."""
 
+_NS_PER_S = 1_000_000_000
+
 _Faults = (BusError, OSError)
 
 _Waiting: TypeAlias = tuple[Batch, bool] | Callable[[], object]
@@ -69,6 +71,8 @@ class Pipeline:
         self._now_ns = now_ns
         self._failure: BaseException | None = None
         self._is_ending = False
+        self._end_ns: int | None = None
+        """The end of the recording; None before it."""
         self._thread: WritingThread | None = None
         self._writer = BagWriter(
             options.folder,
@@ -122,7 +126,7 @@ class Pipeline:
 
     @property
     def cached(self) -> int:
-        """Bytes on their way to the file."""
+        """Bytes on their way to the file: in the cache, and in chunks that are not written yet."""
         return self._cache.bytes + self._in_flight
 
     @property
@@ -175,7 +179,10 @@ class Pipeline:
             self._output.write(topic, batch, is_paused=is_paused)
             return
         may_be_lost = self._is_snapshot or not topic.is_lossless
-        self._cache.put(topic.name, (batch, is_paused), batch.count, batch.size, may_be_lost=may_be_lost)
+        at_s = batch.log_time // _NS_PER_S
+        self._cache.put(
+            topic.name, (batch, is_paused), batch.count, batch.size, may_be_lost=may_be_lost, at_s=at_s
+        )
 
     def resume(self) -> None:
         """Write the latched messages of the pause; they come before later messages."""
@@ -222,9 +229,11 @@ class Pipeline:
         if self._writer.gathered:
             self._writer.flush()
 
-    def snapshot(self) -> None:
-        """Write everything in the memory, after the latched messages that have left the memory."""
+    def snapshot(self) -> int:
+        """Write everything in the memory, after the latched messages that have left the memory; returns the
+        number of messages."""
         self._settle_cache()
+        before = self.messages
         batches = []
         while self._cache.waiting:
             name, waiting, _ = self._cache.take()
@@ -234,16 +243,27 @@ class Pipeline:
         for topic, batch, is_paused in batches:
             self._output.write(topic, batch, is_paused=is_paused)
         self._writer.flush()
+        return self.messages - before
 
     def write_losses(self) -> None:
         """Write the counters into the file."""
         self._writer.write_metadata(RECORD, to_record(self.note_losses()))
 
-    def note_losses(self) -> dict[str, TopicLosses]:
-        """The present counters, with the times of losses. Call it about once a second."""
-        return self._dates.note(self._now_ns() / 1e9, self.losses())
+    def note_losses(self, *, is_away: bool = False) -> dict[str, TopicLosses]:
+        """The present counters, with the times of losses. Call it about once a second. `is_away`: busd is
+        away."""
+        return self._dates.note(self._look_s(), self.losses(), is_away=is_away)
+
+    def _look_s(self) -> float:
+        """The time of losses that are found now: at most the end of the recording."""
+        return (self._now_ns() if self._end_ns is None else self._end_ns) / _NS_PER_S
 
     # --- the end
+
+    def finish(self) -> None:
+        """No more messages come. A slow disk may take long for the waiting ones: losses that are found
+        meanwhile belong to the end of the recording."""
+        self._end_ns = self._now_ns()
 
     def drop(self) -> None:
         """Drop all messages on their way to the file, except messages that are being written."""
@@ -275,7 +295,7 @@ class Pipeline:
                 topic.written -= missing
                 topic.lose(DropReason.NOT_WRITTEN, missing)
         closed = {name: one.closed() for name, one in self.losses().items()}
-        losses = self._dates.note(self._now_ns() / 1e9, closed)
+        losses = self._dates.note(self._look_s(), closed)
         self._writer.write_metadata(RECORD, to_record(losses))
         self._writer.close()
         return losses
@@ -285,12 +305,13 @@ class Pipeline:
         lost, self._cache.lost = self._cache.lost, {}
         self._count_lost(lost, DropReason.RECORDER_CACHE)
 
-    def _count_lost(self, counts: Mapping[str, int], reason: DropReason) -> None:
-        """Count messages that left the cache, by topic. Messages that leave the memory of a snapshot are not
-        lost."""
-        for name, count in counts.items():
+    def _count_lost(self, counts: Mapping[tuple[str, int], int], reason: DropReason) -> None:
+        """Count messages that left the cache, by topic and second. Messages that leave the memory of a
+        snapshot are not lost."""
+        for (name, at_s), count in counts.items():
             topic = self._output.topics[name]
             if self._is_snapshot:
                 topic.passed_over += count
             else:
                 topic.lose(reason, count)
+                self._dates.add(name, at_s, reason, count)

@@ -133,7 +133,8 @@ class Recorder:
         """Write the messages in memory; returns whether this recording keeps any."""
         if self._options.is_snapshot:
             self._take_all()
-            self.pipeline.snapshot()
+            count = self.pipeline.snapshot()
+            self._log.info(f"Writing a snapshot: {count} {'message' if count == 1 else 'messages'}.")
         return self._options.is_snapshot
 
     # --- state
@@ -175,11 +176,10 @@ class Recorder:
         while True:
             await asyncio.sleep(_PERIOD_S)
             self.pipeline.flush()
+            self.pipeline.note_losses(is_away=not self._node.is_connected)
             if monotonic_ns() >= due_ns:
                 due_ns = monotonic_ns() + int(_LOSSES_S * 1e9)
                 self.pipeline.write_losses()
-            else:
-                self.pipeline.note_losses()
 
     def _progressed(self) -> None:
         """Handle progress or a failure of the writing thread."""
@@ -237,6 +237,7 @@ class Recorder:
             await asyncio.sleep(0.02)
         for topic in topics:
             topic.finish()
+        self.pipeline.finish()
         while not (
             self.state is RecordingState.HURRYING or self.failure is not None or self.pipeline.is_idle
         ):

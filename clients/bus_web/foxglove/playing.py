@@ -45,8 +45,8 @@ class Playing:
         self.follow()
 
     async def ask(self, said: protocol.PlaybackRequest) -> None:
-        """Pass a request on. The answer is the state after it; if it seeks, the state after the jump, because
-        viewers forget the messages that came before."""
+        """Pass a request on. The answer is the state after it; if it seeks, the state at the jump, because
+        viewers forget the messages that came before. The rate and the pause are the new ones then, too."""
         # The speed has 32 bits: the nearest one to 0.1 means 0.1.
         rate = float(f"{said.speed:.7g}")
         request = Request(seek_ns=said.seek_ns, rate=rate, is_paused=said.is_paused)

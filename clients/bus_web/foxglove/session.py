@@ -123,6 +123,8 @@ class Session(Watcher):
         self._hub = hub
         self._socket = socket
         self._server = ServerInfo(bus=bus, id=id, permissions=permissions)
+        self._introduced = b""
+        """The last message about the server."""
         self._loop = asyncio.get_running_loop()
         self._client = client = Client(socket, Outbox(shared=hub.waiting))
         self._news = asyncio.Event()
@@ -166,9 +168,12 @@ class Session(Watcher):
                         await part.close()
 
     def _introduce(self) -> None:
-        """Send the server's name and capabilities; again if a clock has come or gone."""
+        """Send the server's name and capabilities, if they are new: a clock may have come or gone."""
         playback = self._playing.server_info() if self._playing is not None else None
-        self._client.notify(self._server.told(has_clock=self._clock.is_there, playback=playback))
+        told = self._server.told(has_clock=self._clock.is_there, playback=playback)
+        if told != self._introduced:
+            self._introduced = told
+            self._client.notify(told)
 
     # --- of the hub
 

@@ -2,6 +2,7 @@
 
 import pytest
 
+from bus.vocabulary import DropReason
 from bus_bag.losses import LossDates, TopicLosses, from_record, lines, to_record
 from bus_plot.loss_timeline import Slot
 
@@ -35,6 +36,40 @@ def test_the_dates_of_losses() -> None:
     assert found["/a"].timeline.lost == {"replaced": 5}
     first = LossDates().note(7.5, {"/a": TopicLosses(9, 8, 0, {"replaced": 1})})
     assert first["/a"].when == [Slot(7, 1, {"replaced": 1})], "the recording has just begun"
+
+
+def _slots(losses: TopicLosses) -> list[tuple[int, int]]:
+    return [(slot.at_s, slot.count) for slot in losses.when]
+
+
+def test_what_was_missed_while_busd_was_away_is_spread_over_its_absence() -> None:
+    """Also if the publisher returns later than busd. A topic that goes on meanwhile has its own times."""
+    dates = LossDates()
+    looks = [
+        (100.0, False, 50, {}),
+        (100.9, True, 50, {}),
+        (101.8, True, 50, {"replaced": 1}),
+        (102.7, True, 50, {"replaced": 1}),
+        (103.6, False, 50, {"replaced": 1}),
+        (104.5, False, 110, {"replaced": 1, "disconnected": 50}),
+        (110.5, False, 120, {"replaced": 1, "disconnected": 50}),
+        (111.4, False, 130, {"replaced": 1, "disconnected": 55}),
+    ]
+    for now_s, is_away, expected, lost in looks:
+        found = dates.note(now_s, {"/a": TopicLosses(expected, 0, 0, lost)}, is_away=is_away)
+    assert _slots(found["/a"]) == [(100, 10), (101, 11), (102, 10), (103, 10), (104, 10), (111, 5)]
+    assert found["/a"].timeline.lost == {"replaced": 1, "disconnected": 55}
+
+
+def test_losses_with_a_known_time_are_not_dated_by_the_look() -> None:
+    dates = LossDates()
+    dates.note(100.0, {"/a": TopicLosses(1, 1)})
+    dates.add("/a", 97, DropReason.RECORDER_CACHE, 2)
+    dates.add("/a", 98, DropReason.RECORDER_CACHE, 1)
+    found = dates.note(100.9, {"/a": TopicLosses(9, 5, 0, {"recorder_cache": 3, "replaced": 1})})
+    assert _slots(found["/a"]) == [(97, 2), (98, 1), (100, 1)]
+    again = dates.note(101.8, {"/a": TopicLosses(9, 5, 0, {"recorder_cache": 3, "replaced": 1})})
+    assert again == found
 
 
 def test_they_close() -> None:

@@ -20,7 +20,7 @@ from bus_bag.play.read_ahead import ReadAheadQueue
 from bus_bag.play.selection import Selection
 from bus_bag.storage import BagMessage, JoinedBags
 from bus_plot.loss_timeline import Slot
-from bus_web.playback import Recording, Request, Status
+from bus_web.playback import Recording, Request, State, Status
 from semantics import until
 
 S = 1_000_000_000
@@ -71,10 +71,48 @@ async def test_all_requests() -> None:
         assert await walk.ask(Request(is_paused=False)) == ""
         await until(lambda: walk.state.status is Status.AT_END)
         assert output.taken == [0, 5, 6, 7, 8, 9] and walk.state.at_ns == 9 * S
-        assert await walk.ask(Request(is_paused=False)) == ""  # from the beginning again
-        assert (walk.state.status, walk.state.is_paused) == (Status.READING, False)
+        jumps: list[State] = []
+        assert await walk.ask(Request(is_paused=False), lambda: jumps.append(walk.state)) == ""
+        # from the beginning again: no longer at its end
+        assert jumps == [State(Status.READING, False, 0, 100.0, 6, 2)]
         await until(lambda: len(output.taken) == 16)
         assert output.taken[6:] == [*range(10)]
+
+
+async def test_at_the_jump_the_other_wishes_are_done() -> None:
+    output = Output()
+    async with control(output) as walk:
+        jumps: list[State] = []
+
+        async def ask(is_paused: bool, rate: float, seek_ns: int) -> None:
+            request = Request(is_paused=is_paused, rate=rate, seek_ns=seek_ns)
+            assert await walk.ask(request, lambda: jumps.append(walk.state)) == ""
+
+        await ask(False, 0.001, 5 * S)
+        assert (walk.state.status, walk.state.at_ns // S) == (Status.PLAYING, 5)
+        await ask(True, 1e9, 2 * S)
+        await ask(False, 1e9, 8 * S)
+        assert [(one.status, one.is_paused, one.rate, one.at_ns) for one in jumps] == [
+            (Status.READING, False, 0.001, 5 * S),
+            (Status.PAUSED, True, 1e9, 2 * S),
+            (Status.READING, False, 1e9, 8 * S),
+        ]
+        await until(lambda: walk.state.status is Status.AT_END)
+        assert [one for one in output.taken if one != 5] == [8, 9], "nothing at the new rate before a jump"
+        await ask(True, 1.0, 3 * S)
+        assert (jumps[-1].status, jumps[-1].at_ns) == (Status.PAUSED, 3 * S)
+
+
+async def test_a_request_with_a_rate_that_is_refused_changes_nothing() -> None:
+    async with control(Output()) as walk:
+        assert await walk.ask(Request(seek_ns=5 * S, rate=0.001)) == ""
+        for is_paused in (True, False):
+            assert await walk.ask(Request(is_paused=is_paused)) == ""
+            before = walk.state._replace(at_ns=0)
+            for rate in (0.0, -1.0, float("nan")):
+                request = Request(rate=rate, is_paused=not is_paused, seek_ns=0, step=True)
+                assert await walk.ask(request) == f"{rate:g} is not a rate from 1e-9 to 1e9"
+            assert walk.state.at_ns >= 5 * S and walk.state._replace(at_ns=0) == before
 
 
 async def test_refusals() -> None:

@@ -257,7 +257,7 @@ async def test_two_seeks_at_once_go_to_the_later_one() -> None:
 
 
 async def test_a_replay_that_stays_at_its_end_plays_again_from_there() -> None:
-    output = Output()
+    output, jumps = Output(), list[tuple[Status, int]]()
     async with playing(Reader(0, 10), output, Span(0, 10 * MS, True), stays_at_end=True) as player:
         task = asyncio.create_task(player.play())
         await until(lambda: player.progress.status is Status.AT_END)
@@ -265,9 +265,11 @@ async def test_a_replay_that_stays_at_its_end_plays_again_from_there() -> None:
         assert not await player.play_next() and await player.burst(0) == 0
         player.resume()
         assert player.progress.status is Status.DELAYED  # on its way back
+        player.on_seek = lambda: jumps.append((player.progress.status, player.bag_time))
         await until(lambda: len(output.taken) == 4)
         await until(lambda: player.progress.status is Status.AT_END)
         assert (output.taken, player.seeks) == ([0, 1, 0, 1], 1)
+        assert jumps == [(Status.DELAYED, 0)], "no longer at its end"
         assert await player.seek(3_600_000 * MS)  # the end is the farthest
         assert player.shown_time == 10 * MS
         await until(lambda: player.progress.status is Status.PAUSED)

@@ -6,10 +6,12 @@ from bus_bag.life import LifeError
 from bus_bag.play.state import TRANSITIONS, PlayerEvent, PlayerLife, PlayerState
 from rows import for_each
 
-PLAY, READY, BURST, STOP, END = (
+PLAY, READY, JUMP, BURST, BURST_END, STOP, END = (
     PlayerEvent.PLAY,
     PlayerEvent.READY,
+    PlayerEvent.JUMP,
     PlayerEvent.BURST,
+    PlayerEvent.BURST_END,
     PlayerEvent.STOP,
     PlayerEvent.END,
 )
@@ -47,7 +49,7 @@ def test_every_cell(state: PlayerState, event: PlayerEvent) -> None:
 
 def test_what_was_stopped_publishes_nothing_whatever_happens() -> None:
     life = life_in(PlayerState.STOPPING)
-    for event in (READY, BURST, PlayerEvent.BURST_END, STOP, END, BURST, PlayerEvent.BURST_END, STOP):
+    for event in (JUMP, READY, BURST, BURST_END, STOP, END, BURST, BURST_END, STOP):
         life.on(event)
         assert not life.may_publish and life.has_begun
     assert life.state is PlayerState.ENDED

@@ -148,6 +148,35 @@ def test_where_the_disk_is_slow_the_large_ones_lose(folder: Path) -> None:
     assert world.bag.losses() == losses
 
 
+@pytest.mark.parametrize("is_hurried", [False, True])
+def test_no_loss_is_dated_after_the_end(folder: Path, is_hurried: bool) -> None:
+    """A slow disk needs long for the waiting messages. Those without room count where the log has them."""
+    world = World(folder, is_slow=True, max_cache_size=3_000_000)
+    camera = world.topic("/camera")
+    second = 10**9
+    for number in range(1, 21):
+        world.put(camera, "x" * 1_000_000, at=number * second)
+        world.pipeline.pump()
+        if number == 12:
+            world.now_ns = number * second
+            world.pipeline.note_losses()
+    world.put(camera, "?", at=20 * second)
+    world.now_ns = 20 * second
+    world.pipeline.finish()
+    world.now_ns = 26 * second
+    if is_hurried:
+        world.pipeline.drop()
+    losses = world.finish()["/camera"]
+    assert losses.is_balanced and losses.timeline.lost == losses.lost
+    lost_s = {slot.at_s for slot in losses.when if "recorder_cache" in slot.lost}
+    assert lost_s == set(range(min(lost_s), max(lost_s) + 1)) and len(lost_s) > 5
+    assert losses.lost["recorder_cache"] == len(lost_s), "one message a second"
+    assert max(slot.at_s for slot in losses.when) == 20
+    if not is_hurried:
+        written_s = {one[2].log_time // second for one in world.bag.messages(world.bag.files[0], "/camera")}
+        assert written_s | lost_s == set(range(1, 21)) and not written_s & lost_s
+
+
 @pytest.mark.parametrize("is_slow", [False, True])
 def test_ended_at_once(folder: Path, is_slow: bool) -> None:
     """The pipeline drops and counts queued messages. If the disk takes nothing, the file stays as it is."""

@@ -25,6 +25,7 @@ class Node:
     """A node on an empty bus."""
 
     full_name = "/recorder"
+    is_connected = True
 
     def get_logger(self) -> Any:
         return get_logger("recorder")

@@ -4,15 +4,18 @@ import asyncio
 import struct
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from bus.msg.std_msgs import String
+from bus.types.classes import message_class
+from bus_web.foxglove.clock import CLOCK
 from bus_web.foxglove.session import Permissions, Session
 from bus_web.playback import Request, Status
 from semantics import until
 from web_world import ListPlayback, WebWorld, turns
 
 S = 1_000_000_000
+Clock: Any = message_class("rosgraph_msgs/msg/Clock")
 
 
 class Told(NamedTuple):
@@ -67,6 +70,19 @@ async def test_the_server_names_the_capability_and_the_span() -> None:
         assert info["dataEndTime"] == {"sec": 2**32 - 1, "nsec": 0}  # a time has 32 bits of seconds
         assert states(world) == [Told(1, 100 * S, 1.0, False, "")]
     assert not playback.watchers
+
+
+async def test_the_server_is_described_once_though_its_clock_comes_and_goes() -> None:
+    """With a recording there is a time without a clock, too."""
+    world = WebWorld()
+    async with session(world, ListPlayback()):
+        world.add("publisher", "/player", CLOCK, Clock)
+        world.look()
+        await until(lambda: CLOCK in world.node.subscriptions)
+        world.remove(CLOCK)
+        world.look()
+        await until(lambda: world.node.subscriptions[CLOCK][0].is_closed)
+        assert [one["op"] for one in world.socket.texts()].count("serverInfo") == 1
 
 
 async def test_a_request_is_answered_by_the_state_after_it() -> None:
