@@ -98,6 +98,17 @@ SEEN = f"const one = document.querySelector(arguments[0]); if (!one) return fals
 """Whether a box of the graph is in the part that has been scrolled to."""
 
 
+LEFTMOST = """
+const draw = CanvasRenderingContext2D.prototype.fillText;
+window.lefts = {};
+CanvasRenderingContext2D.prototype.fillText = function (text, x, y) {
+  if (this.textAlign === "right") window.lefts[text] = x - this.measureText(text).width;
+  draw.call(this, text, x, y);
+};
+"""
+"""Notes where each label of a plot's left axis begins."""
+
+
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Page]:
     need_chromium()
@@ -209,10 +220,14 @@ def test_a_plot_shows_each_spike(server: Serving, page: Page) -> None:
 
 def test_what_a_subscription_loses_is_red_and_counted(server: Serving, page: Page) -> None:
     edge = 'g.edge[data-edge="subscription /topic"]'
+    height = "return document.querySelector('tr[data-topic=\"/topic\"]')?.offsetHeight"
     with script(LOSER):
         page.open(server.page)
+        before = page.wait(height)
         with script(TALKER, "0.002"):
             page.wait(f"return document.querySelector('{edge}')?.classList.contains('losing')")
+            page.wait("return document.querySelector('tr.losing .strip').getAttribute('d')")
+            assert page.run(height) == before, "bars of losses move no row"
             line = f"getComputedStyle(document.querySelector('{edge} path')).stroke"
             assert page.run(f"return {line}") == "rgb(179, 20, 11)"
             page.wait(cell("Why"), fits=lambda text: text == "now: replaced")
@@ -396,6 +411,51 @@ def test_by_the_keyboard_alone(server: Serving, page: Page) -> None:
         page.wait(
             "return document.querySelector('figure.plot')?.dataset.points", fits=lambda n: int(n or 0) > 3
         )
+        assert page.run(focus, '#detail .value[aria-pressed="true"]')
+        assert page.run("return getComputedStyle(document.activeElement).outlineWidth") == "2px"
+
+
+@pytest.mark.parametrize("focused", ['g.topic[data-topic="/topic"]', 'tr[data-topic="/topic"] button'])
+def test_the_focus_stays_while_topics_come_and_go(server: Serving, page: Page, focused: str) -> None:
+    with script(NUMBERS, "0.01"):
+        page.open(server.page)
+        page.wait("const one = document.querySelector(arguments[0]); one?.focus(); return one", focused)
+        row = "return document.querySelector(`tr[data-topic='/${arguments[0]}']`)"
+        for other in ("aa_one", "zz_one"):
+            with script(TALKER.replace('"topic"', f'"{other}"'), "0.01"):
+                page.wait(row, other)
+                assert page.run("return document.activeElement.matches(arguments[0])", focused)
+            page.wait(row, other, fits=lambda found: found is None)
+            assert page.run("return document.activeElement.matches(arguments[0])", focused), other
+
+
+def test_numbers_are_whole(server: Serving, page: Page) -> None:
+    long = NUMBERS.replace("range(1, 1_000_000)", "range(1_796_157_551, 1_797_000_000)")
+    with script(long, "0.01"):
+        page.open(server.page)
+        choose(page, "/topic")
+        page.run(LEFTMOST)
+        page.press("#detail .value")
+        page.wait("return document.querySelector('figure.plot')?.dataset.points > 20")
+        lefts = page.run("return window.lefts")
+    assert any(label.startswith("1\N{NO-BREAK SPACE}796\N{NO-BREAK SPACE}157") for label in lefts)
+    assert min(lefts.values()) >= 0
+    written = page.driver.execute_async_script(
+        "const done = arguments[0], numbers = [0.00025, -1.5, 1e-9, 2 ** 53, 1e300];"
+        "import('/format.js').then(({hertz, tick}) => done([hertz(12), hertz(1234), ...numbers.map(tick)]))"
+    )
+    assert written[:2] == ["12.0 Hz", "1.23 kHz"]
+    assert written[2:] == ["0.00025", "-1.5", "1e-9", "9.007199254740992e+15", "1e+300"]
+
+
+def test_the_seventeenth_page_says_the_reason(server: Serving, page: Page) -> None:
+    state = "return document.getElementById('state').textContent"
+    with ExitStack() as others:
+        for _ in range(16):
+            others.enter_context(server.viewer())
+        page.open(server.page)
+        page.wait(state, fits=lambda text: "16 clients are connected" in text)
+    page.wait(state, fits=lambda text: text.startswith("on "))
 
 
 def test_two_hundred_nodes_and_a_thousand_topics(server: Serving, page: Page) -> None:
@@ -508,6 +568,24 @@ def test_a_phone(server: Serving, page: Page) -> None:
         press(Keys.ENTER)  # Close
         page.wait("return !document.getElementById('sheet').checkVisibility()")
         assert page.run(focus, row)
+
+
+def test_a_phone_breaks_long_names(server: Serving, page: Page) -> None:
+    name = 25 * "long"
+    crowd = CROWD.replace("range(200)", "range(20)").replace("topic_", f"{name}_")
+    with script(crowd), script(HOSTILE.replace('"hostile"', f'"{name}"')), page.window(390, 844):
+        page.open(server.page)
+        page.wait("return document.getElementById('graph-note').textContent.includes('shown are the 80')")
+        page.press("tbody button")
+        page.wait(
+            "return document.querySelector('#detail .title button')?.getBoundingClientRect().right <= 390"
+        )
+        page.wait("return document.querySelector('#lines li') !== null")
+        for place in ("html", "#lines", "#detail"):
+            wide = (
+                "const one = document.querySelector(arguments[0]); return one.scrollWidth - one.clientWidth"
+            )
+            assert page.run(wide, place) == 0, place
 
 
 def test_lines_cross_no_label_and_no_box(server: Serving, page: Page) -> None:

@@ -1,9 +1,11 @@
 // The WebSocket to the server: opened again and again once it has gone, until the page is closed.
 
 const AGAIN_MS = 1000;
+const REFUSED = 1008; // the code with which the server closes a connection that it does not want, with a reason
 
 export class Connection {
-  // `heard` is called with each object; `changed` with "open", "closed" or "shut": the token is of an earlier start.
+  // `heard` is called with each object; `changed` with "open", "closed", "refused" and the reason, or "shut": the token is
+  // of an earlier start.
   constructor(heard, changed) {
     this.heard = heard;
     this.changed = changed;
@@ -17,14 +19,15 @@ export class Connection {
     let wasOpen = false;
     socket.onopen = () => { wasOpen = true; this.changed("open"); };
     socket.onmessage = (event) => this.heard(JSON.parse(event.data));
-    socket.onclose = async () => {
+    socket.onclose = async ({ code, reason }) => {
       this.socket = null;
-      this.changed(wasOpen || await this.mayCome() ? "closed" : "shut");
+      if (code === REFUSED && reason) this.changed("refused", reason);
+      else this.changed(wasOpen || await this.mayCome() ? "closed" : "shut");
       setTimeout(() => this.open(), AGAIN_MS);
     };
   }
 
-  // A browser does not tell why a WebSocket was refused.
+  // A browser does not tell why a WebSocket was refused before it was open.
   async mayCome() {
     try {
       return (await fetch("/icon.svg")).status !== 403;

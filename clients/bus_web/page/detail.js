@@ -3,7 +3,7 @@
 
 import { Kept, element, setChildren, setText } from "./dom.js";
 import { makeEndpoint } from "./endpoint.js";
-import { count, rate, shortType, size } from "./format.js";
+import { count, hertz, shortType, size } from "./format.js";
 import { Ages } from "./ages.js";
 import { Losses } from "./losses.js";
 import { Tree } from "./tree.js";
@@ -65,7 +65,7 @@ export class Detail {
       setChildren(this.mismatches, []);
       return;
     }
-    const figures = [topic.types.map(shortType).join(" and "), `${rate(topic.hz)} Hz`, `${size(topic.bytesPerS)}/s`];
+    const figures = [topic.types.map(shortType).join(" and "), hertz(topic.hz), `${size(topic.bytesPerS)}/s`];
     setText(this.about, figures.join(" · "));
     const ends = [...topic.publishers, ...topic.subscriptions].filter((end) => bus.nodes.has(end.node));
     this.showEnds(bus, ends);

@@ -31,17 +31,26 @@ export function setAttribute(one, name, value) {
   } else if (one.getAttribute(name) !== String(value)) one.setAttribute(name, value);
 }
 
-// The children of `parent` in that order, each moved only where it is not there already.
+// The children of `parent` in that order, each moved only where it is not there already. A moved element loses the focus:
+// so the others leave first, and the child with the focus stays where it is.
 export function setChildren(parent, wanted) {
+  const stay = new Set(wanted);
+  for (const child of [...parent.childNodes]) if (!stay.has(child)) child.remove();
+  const hasFocus = (child) => child.parentNode === parent && child.contains(document.activeElement);
   let at = parent.firstChild;
   for (const child of wanted) {
-    if (child === at) at = at.nextSibling;
+    if (hasFocus(child)) moveToEnd(parent, at, child);
+    if (child === at || hasFocus(child)) at = child.nextSibling;
     else parent.insertBefore(child, at);
   }
-  while (at) {
-    const next = at.nextSibling;
-    at.remove();
-    at = next;
+}
+
+// The children from `first` on, up to `end` without it.
+function moveToEnd(parent, first, end) {
+  for (let child = first; child !== end;) {
+    const next = child.nextSibling;
+    parent.append(child);
+    child = next;
   }
 }
 

@@ -1,7 +1,7 @@
 // Lines between nodes and topics: wide where much goes, red where messages are lost. Each has room for a label.
 
 import { setAttribute, setText, svg } from "./dom.js";
-import { count, rate } from "./format.js";
+import { count, hertz } from "./format.js";
 
 // The heads of lines, of which there is one in each colour.
 export function arrows() {
@@ -60,5 +60,5 @@ export function paintEdge(drawn, edge, isNear) {
   setAttribute(drawn.line, "marker-end", `url(#head${kind})`);
   setText(drawn.label, text);
   const routes = [...new Set(ends.flatMap((end) => [...end.routes]))];
-  setText(drawn.title, [topic.name, `${rate(hz)} Hz`, routes.length ? `by ${routes.join(" and ")}` : "", ...reasons].filter(Boolean).join("\n"));
+  setText(drawn.title, [topic.name, hertz(hz), routes.length ? `by ${routes.join(" and ")}` : "", ...reasons].filter(Boolean).join("\n"));
 }

@@ -2,7 +2,7 @@
 
 import { SECONDS } from "./bus.js";
 import { element, setAttribute, setText, svg } from "./dom.js";
-import { ages, count, plural, rate, reasons, shortType } from "./format.js";
+import { ages, count, hertz, plural, reasons, shortType } from "./format.js";
 import { bars } from "./losses.js";
 
 const WIDTH = 72, HEIGHT = 10;
@@ -27,7 +27,7 @@ export function makeEndpoint(choose) {
       const messages = end.messages === null ? "" : `${count(end.messages)} messages, `;
       const queue = isSubscription ? `, queue ${count(end.queued)}${end.depth === null ? "" : ` of ${count(end.depth)}`}` : "";
       const routes = [...end.routes].sort().join(" and ");
-      setText(figures, `${messages}${rate(end.hz)} Hz${queue}${isSubscription && end.age !== null ? `, ${ages(end.age)} old` : ""}${routes ? `, by ${routes}` : end.reasons.length ? "" : ", alone"}`);
+      setText(figures, `${messages}${hertz(end.hz)}${queue}${isSubscription && end.age !== null ? `, ${ages(end.age)} old` : ""}${routes ? `, by ${routes}` : end.reasons.length ? "" : ", alone"}`);
       setText(lost, end.lost ? `lost ${count(end.lost)}${reasons(end.dropped) ? `: ${reasons(end.dropped)}` : ""}` : "");
       setAttribute(lost, "class", end.lostPerS ? "loss losing" : "loss");
       const recent = Math.round(end.lostHistory.reduce((sum, one) => sum + one, 0));

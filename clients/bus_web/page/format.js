@@ -6,6 +6,8 @@ export function rate(value) {
   return value >= 99.95 ? value.toFixed(0) : value >= 9.95 ? value.toFixed(1) : value ? value.toPrecision(2) : "0";
 }
 
+export const hertz = (value) => rate(value).replace(/( k)?$/, (thousand) => `${thousand || " "}Hz`);
+
 // That many digits, or all before the point: `toPrecision` alone would write 1.0e+2.
 const digits = (value, number) => (value >= 10 ** number - 0.5 ? value.toFixed(0) : value.toPrecision(number));
 
@@ -30,7 +32,15 @@ export function ages(both) {
   return unit === most.split(" ")[1] ? `${number} / ${most}` : `${half} / ${most}`;
 }
 
-export const count = (value) => value.toLocaleString("en-US").replaceAll(",", "\u00a0");
+const grouped = (value, digits) => value.toLocaleString("en-US", { maximumFractionDigits: digits }).replaceAll(",", "\u00a0");
+
+export const count = (value) => grouped(value, 3);
+
+// A number at an axis, with all its digits.
+export function tick(value) {
+  const most = Math.abs(value);
+  return most >= 1e15 || (most && most < 1e-6) ? value.toExponential() : grouped(value, 12);
+}
 
 export function reasons(dropped) {
   return Object.entries(dropped).filter(([, number]) => number)

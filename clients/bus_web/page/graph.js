@@ -2,7 +2,7 @@
 
 import { Kept, setAttribute, setChildren, setText, svg } from "./dom.js";
 import { arrows, labelOf, makeEdge, paintEdge } from "./edge.js";
-import { rate, size } from "./format.js";
+import { count, hertz, size } from "./format.js";
 import { layOut } from "./layout.js";
 import { select } from "./selection.js";
 import { Viewport } from "./viewport.js";
@@ -39,7 +39,7 @@ export class Graph {
     const { boxes, edges, focus, total } = select(bus, view, this.focus);
     this.focus = focus ?? this.focus;
     setText(this.note, focus !== null
-      ? `${total} nodes and topics: shown are the ${boxes.size} around ${boxes.get(focus).name}. Choose another, or filter.`
+      ? `${count(total)} nodes and topics: shown are the ${boxes.size} around ${boxes.get(focus).name}. Choose another, or filter.`
       : boxes.size ? "" : view.filter ? `No name or type has “${view.filter}”.` : "No nodes are on the bus.");
     this.note.hidden = !this.note.textContent;
     this.boxes.only(boxes.keys());
@@ -134,12 +134,12 @@ export class Graph {
 
   paintBox(drawn, { node, topic }, view) {
     if (topic) {
-      const figures = topic.publishers.length ? `${rate(topic.hz)} Hz · ${size(topic.bytesPerS)}/s` : "no publisher";
+      const figures = topic.publishers.length ? `${hertz(topic.hz)} · ${size(topic.bytesPerS)}/s` : "no publisher";
       setText(drawn.name, shortened(topic.name));
       setText(drawn.figures, figures);
       setAttribute(drawn.group, "class", `topic${view.topic === topic.name ? " chosen" : ""}`);
       setAttribute(drawn.group, "aria-pressed", view.topic === topic.name);
-      setAttribute(drawn.group, "aria-label", `topic ${topic.name} ${figures}${topic.lost ? `, lost ${topic.lost}` : ""}`);
+      setAttribute(drawn.group, "aria-label", `topic ${topic.name} ${figures}${topic.lost ? `, lost ${count(topic.lost)}` : ""}`);
       setAttribute(drawn.group, "data-topic", topic.name);
     } else {
       const isChosen = view.node === node.name;

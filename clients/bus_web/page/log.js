@@ -1,7 +1,7 @@
 // The last lines of /rosout, from a severity on.
 
 import { element, setText } from "./dom.js";
-import { plural } from "./format.js";
+import { count, plural } from "./format.js";
 
 const MOST = 300;
 const NAMES = [[50, "Fatal"], [40, "Error"], [30, "Warn"], [20, "Info"], [0, "Debug"]];
@@ -49,7 +49,7 @@ export class Log {
     while (this.list.children.length > MOST) this.list.firstChild.remove();
     if (isAtEnd) this.list.scrollTop = this.list.scrollHeight;
     this.sayEmpty();
-    setText(this.note, this.leftOut ? `${this.leftOut} lines arrived too fast and are not shown` : "");
+    setText(this.note, this.leftOut ? `${count(this.leftOut)} lines arrived too fast and are not shown` : "");
   }
 
   choose() {

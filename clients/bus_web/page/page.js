@@ -5,7 +5,7 @@ import { Bus } from "./bus.js";
 import { Connection } from "./connection.js";
 import { Detail } from "./detail.js";
 import { setAttribute, setText } from "./dom.js";
-import { count, plural, rate, size } from "./format.js";
+import { count, hertz, plural, rate, size } from "./format.js";
 import { Graph } from "./graph.js";
 import { Log } from "./log.js";
 import { Plots } from "./plot.js";
@@ -64,16 +64,20 @@ const hear = {
     const all = [...missed.values()].reduce((sum, one) => sum + one, 0);
     the("missed").hidden = false;
     setText(the("missed"), `${plural(all, "message")} left out here: this page is slower than the bus`);
-    setAttribute(the("missed"), "title", [...missed].map(([topic, number]) => `${topic}: ${number}`).join("\n"));
+    setAttribute(the("missed"), "title", [...missed].map(([topic, number]) => `${topic}: ${count(number)}`).join("\n"));
   },
 };
 
-const connection = new Connection((told) => hear[told.op]?.(told), (how) => {
+const connection = new Connection((told) => hear[told.op]?.(told), (how, reason) => {
   if (how === "open") {
     log.clear();
     the("log").open && connection.say("log", { on: true });
     look();
-  } else state("away", how === "shut" ? "bus web has restarted: open the new address that it has printed" : "bus web is away: trying again");
+  } else state("away", {
+    shut: "bus web has restarted: open the new address that it has printed",
+    refused: `bus web refuses this page: ${reason}. Trying again`,
+    closed: "bus web is away: trying again",
+  }[how]);
 });
 
 function state(kind, text) {
@@ -134,7 +138,7 @@ function show() {
     const sum = (key) => shown.reduce((all, topic) => all + (topic[key] ?? 0), 0);
     const nodes = [...bus.nodes.values()].filter((node) => view.hidden || !node.isHidden).length;
     const losing = sum("lostPerS");
-    setText(the("sums"), `${plural(nodes, "node")}, ${plural(shown.length, "topic")}, ${rate(sum("hz"))} Hz, ${size(sum("bytesPerS"))}/s, `
+    setText(the("sums"), `${plural(nodes, "node")}, ${plural(shown.length, "topic")}, ${hertz(sum("hz"))}, ${size(sum("bytesPerS"))}/s, `
       + (losing ? `${rate(losing)} lost each second` : `${count(sum("lost"))} lost`));
   });
 }

@@ -1,6 +1,7 @@
 // Numbers over time, one chart for each topic, with the age of its messages beside them.
 
 import { element, setAttribute, setText } from "./dom.js";
+import { tick } from "./format.js";
 import { numberAt } from "./tree.js";
 
 const SPAN_S = 60, MOST = 4000, HEIGHT = 170;
@@ -179,8 +180,8 @@ class Chart {
       scales: { x: { time: true, range: (_, least, most) => [Math.max(least ?? 0, (most ?? 0) - SPAN_S), most ?? 1] }, age: { range: (_, least, most) => [0, 1.2 * (most || 1)] } },
       axes: [
         { ...axis, space: 70, incrs: [1, 2, 5, 10, 15, 30, 60], values: "{HH}:{mm}:{ss}" },
-        { ...axis, size: 62 },
-        { ...axis, scale: "age", side: 1, size: 50, grid: { show: false } },
+        { ...axis, ...numbers(62) },
+        { ...axis, scale: "age", side: 1, ...numbers(50), grid: { show: false } },
       ],
       series: [{}, ...series, { label: "age", scale: "age", stroke: colour("--plot-age"), width: 1, dash: [4, 3], spanGaps: true, points: { show: false } }],
     }, this.data(), this.canvas);
@@ -189,4 +190,18 @@ class Chart {
     this.wasSeen = true; // the user has just asked for it; uPlot has its size in the next picture
     requestAnimationFrame(() => this.figure.scrollIntoView({ block: "nearest" }));
   }
+}
+
+// Labels of an axis, and as much room as the longest of them needs, at least `least` pixels.
+function numbers(least) {
+  return {
+    values: (_, splits) => splits.map((value) => (value === null ? "" : tick(value))),
+    size(plot, labels, at, round) {
+      const axis = plot.axes[at];
+      if (round > 1) return axis._size; // else the labels and the room could change each other without an end
+      plot.ctx.font = axis.font[0];
+      const widths = (labels ?? []).map((label) => plot.ctx.measureText(label).width / devicePixelRatio);
+      return Math.ceil(Math.max(least, axis.ticks.size + axis.gap + Math.max(0, ...widths)));
+    },
+  };
 }

@@ -6,7 +6,7 @@ import { ages, count, plural, rate, shortType, size } from "./format.js";
 import { bars } from "./losses.js";
 
 const PAGE = 100;
-const WIDTH = 72, HEIGHT = 20, STRIP = 8;
+const WIDTH = 72, HEIGHT = 14, STRIP = 6; // of the line, and of the bars below it, whose room is always there: no row moves
 
 const routesOf = (topic) => [...new Set(topic.subscriptions.flatMap((end) => [...end.routes]))].sort();
 const queue = ({ queued, depth }) => (depth === null ? count(queued) : `${count(queued)}/${count(depth)}`);
@@ -113,7 +113,7 @@ export class Table {
     const button = element("button", { type: "button", class: "name", onclick: () => this.choose(name) }, name);
     const line = svg("polyline", { fill: "none" });
     const strip = svg("path", { class: "strip" });
-    const spark = svg("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, width: WIDTH, height: HEIGHT, role: "img", class: "spark" }, line, strip);
+    const spark = svg("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT + STRIP}`, width: WIDTH, height: HEIGHT + STRIP, role: "img", class: "spark" }, line, strip);
     const cells = COLUMNS.map(([title], at) =>
       element(at ? "td" : "th", { scope: at ? null : "row", "data-column": title, class: NUMBERS.has(title) ? "number" : null }));
     cells[0].append(button);
@@ -126,9 +126,7 @@ export class Table {
         COLUMNS.forEach(([, , text], at) => text && setText(cells[at], text(topic)));
         setAttribute(cells[TYPE], "title", topic.types.join(" and "));
         drawSpark(line, topic.history);
-        const lost = topic.lostHistory.reduce((sum, one) => sum + one, 0), height = HEIGHT + (lost ? STRIP : 0);
-        setAttribute(spark, "viewBox", `0 0 ${WIDTH} ${height}`);
-        setAttribute(spark, "height", height);
+        const lost = topic.lostHistory.reduce((sum, one) => sum + one, 0);
         setAttribute(strip, "d", bars(topic.lostHistory, SECONDS, WIDTH, STRIP - 1, HEIGHT + STRIP));
         setAttribute(spark, "aria-label", `Hz of the last minute, ${rate(Math.max(0, ...topic.history))} at most`
           + (lost ? `; ${plural(Math.round(lost), "message")} lost` : ""));
