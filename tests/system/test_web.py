@@ -511,7 +511,8 @@ def test_counters_that_lie(daemon: Daemon) -> None:
             told = viewer.hear("rates", lambda told: told["topics"].get("/topic", [None])[0])
         rate, _, queued, _, lost, *_ = told["topics"]["/topic"]
         assert 20 < rate < 200
-        assert (queued, lost >= 6 * 16 * MAX_COUNT) == (MAX_COUNT, True)
+        # The peer does not read while the viewer waits, so busd's own queue for it may be full: depth 10.
+        assert (queued - MAX_COUNT in range(11), lost >= 6 * 16 * MAX_COUNT) == (True, True), told
         for words in (
             ("top", "--once", "-d", "0.2"),
             ("top", "--once", "--json", "-d", "0.2"),
