@@ -26,6 +26,8 @@ A message is a MessagePack map: the key `m` with the tag, and the fields by thei
 - A field without a default (*required*) is always there. A message without it is an error.
 - A value of another type, or out of its bounds, is an error. A receiver ignores fields that it does not know.
 
+A value may have any form of its type, long or short: a receiver accepts all of them.
+
 | type | in MessagePack |
 |---|---|
 | integer | an integer; never a float |
